@@ -1081,7 +1081,8 @@ typedef struct FleetyardTrajectories {
    */
   const double *y_m;
   /*
-   Headings, counter-clockwise and unwrapped; null when no robot has one.
+   Headings, counter-clockwise and unwrapped, NaN of robots that have none; null when no robot
+   has one.
    */
   const double *heading_rad;
 } FleetyardTrajectories;

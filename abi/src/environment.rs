@@ -305,6 +305,12 @@ impl GridEnvironment {
                 "a grid of {rows} rows and {cols} columns has no cell or too many"
             ));
         };
+        if ![4, 8].contains(&self.connectivity) {
+            return Err(format!(
+                "a cell has 4 or 8 neighbours, not {}",
+                self.connectivity
+            ));
+        }
         same_length("passable", self.passable.len(), cells)?;
         same_length("terrain", self.terrain.len(), cells)?;
         same_length("moves", self.moves.len(), cells)?;

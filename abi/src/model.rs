@@ -750,10 +750,15 @@ impl Instance {
     /// the vertices of a roadmap; `None` in the plane. Gives the reason why not otherwise.
     pub fn check(&self, places: Option<usize>) -> Result<(), String> {
         let agents = self.agents();
-        let (starts, goals) = match places {
-            Some(_) => (self.starts.len(), self.goals.len()),
-            None => (self.start_states.len(), self.goal_states.len()),
+        let at_places = (self.starts.len(), self.goals.len());
+        let in_plane = (self.start_states.len(), self.goal_states.len());
+        let ((starts, goals), others) = match places {
+            Some(_) => (at_places, in_plane),
+            None => (in_plane, at_places),
         };
+        if others != (0, 0) {
+            return Err("starts or goals both at places and in the plane".into());
+        }
         if starts == 0 || agents != starts || goals != agents {
             return Err(format!("{starts} starts but {goals} goal lists"));
         }
@@ -800,6 +805,12 @@ impl Instance {
                 return Err("an instance in the plane without a model of robots".into());
             };
             let size = robot.state_limits.len();
+            let least = if robot.has_heading { 3 } else { 2 };
+            if size < least {
+                return Err(format!(
+                    "the robot of agent {agent} has states of {size} numbers, but its position and                      heading are {least}"
+                ));
+            }
             let start = &self.start_states[agent];
             let mut states = self.goal_states[agent].iter().chain([start]);
             if let Some(state) = states.find(|state| state.0.len() != size) {
@@ -881,14 +892,16 @@ pub struct Request {
 }
 
 impl Request {
+    /// The sentence for a request with goal lists for too few or too many agents.
+    pub(crate) fn wrong_agents(goal_lists: usize, agents: usize) -> String {
+        format!("the request has {goal_lists} goal lists, but there are {agents} agents")
+    }
+
     /// Checks that it is about so many agents and that all places are among `places`. Gives the
     /// reason why not otherwise.
     pub fn check(&self, agents: usize, places: usize) -> Result<(), String> {
         if self.goals.len() != agents {
-            return Err(format!(
-                "the request has {} goal lists, but there are {agents} agents",
-                self.goals.len()
-            ));
+            return Err(Self::wrong_agents(self.goals.len(), agents));
         }
         let mut all = self.goals.items().iter();
         if let Some(place) = all.find(|place| **place as usize >= places) {

@@ -239,6 +239,7 @@ impl<W: Write + Send> Server<'_, W> {
                     options => options.to_string(),
                 };
                 self.object = None;
+                self.environment = None;
                 let sink = channel.sink(id, None, Answer::None);
                 let made = self
                     .catalog
@@ -299,10 +300,13 @@ impl<W: Write + Send> Server<'_, W> {
                 channel.reply(id, plan_result(result, call_ns)?);
             }
             "generate" => {
-                let GenerateParams { state, budget } = params(text)?;
+                let GenerateParams { state, budget }: GenerateParams = params(text)?;
                 let Some(Object::InstanceGenerator(generator)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
+                if let Some(environment) = &self.environment {
+                    check_instance(environment, &state.next)?;
+                }
                 let next = Mutex::new(None);
                 let sink = channel.sink(id, Some(&budget), Answer::Request(&next));
                 let result = generator.generate(&state, &budget, &sink);
@@ -407,10 +411,15 @@ fn plan_context<'a>(
             "the call came before a successful `prepare`",
         )
     })?;
+    check_instance(environment, instance)?;
+    Ok(PlanContext::new(environment, instance, usize::MAX))
+}
+
+/// Refuses an instance that does not fit the map: a library goes by its lengths.
+fn check_instance(environment: &SharedEnvironment, instance: &Instance) -> Result<(), Refusal> {
     instance
         .check(environment.places())
-        .map_err(|reason| Refusal::new(wire::INVALID_PARAMS, reason))?;
-    Ok(PlanContext::new(environment, instance, usize::MAX))
+        .map_err(|reason| Refusal::new(wire::INVALID_PARAMS, reason))
 }
 
 /// State that all calls share: the output for messages, and the request that was cancelled.

@@ -4,8 +4,8 @@ use std::ptr;
 
 use super::environment::{footprint_from_c, footprint_to_c};
 use super::{
-    Kept, code, copied, flags, invalid, lists, offsets_of, parts, reserved, size_of, slice, string,
-    whole,
+    Kept, code, copied, finite, flags, invalid, lists, offsets_of, parts, reserved, size_of, slice,
+    string, whole,
 };
 use crate::c;
 use crate::lists::Lists;
@@ -430,25 +430,42 @@ impl Request {
         give(&raw const raw)
     }
 
-    /// Copies from the C form, then looks at the copies. Refuses one with more than `most`
-    /// goals.
+    /// Copies from the C form, then looks at the copies. Refuses one for another number of
+    /// agents, or one with more than `most` goals or assignments, before looking at its arrays.
     ///
     /// # Safety
     /// As [`checked`](super::checked), and the arrays are as long as the header says.
-    pub unsafe fn from_c(pointer: *const c::Request, most: usize) -> Result<Self, Failure> {
+    pub unsafe fn from_c(
+        pointer: *const c::Request,
+        agents: Option<usize>,
+        most: usize,
+    ) -> Result<Self, Failure> {
         // SAFETY: by the caller's promise, here and below.
         let raw = unsafe { ptr::read(whole("request", pointer)?) };
+        let goal_lists = raw.agents as usize;
+        if let Some(agents) = agents.filter(|agents| *agents != goal_lists) {
+            return Err(invalid(Self::wrong_agents(goal_lists, agents)));
+        }
         reserved("request", raw.reserved)?;
+        finite("request.window_s", &[raw.window_s])?;
         // SAFETY: as promised.
         unsafe { nothing_critical(raw.parts)? };
-        let count = usize::try_from(raw.assignment_count).unwrap_or(usize::MAX);
+        let count = raw.assignment_count;
+        if count > most as u64 {
+            return Err(invalid(format!(
+                "request.assignments are {count}, more than the limit of {most}"
+            )));
+        }
         // SAFETY: as promised.
-        let assignments = unsafe { copied("request.assignments", raw.assignments, count)? };
+        let assignments =
+            unsafe { copied("request.assignments", raw.assignments, count as usize)? };
+        for assignment in &assignments {
+            reserved("assignment", assignment.reserved)?;
+        }
         let names = ["request.goal_offsets", "request.goals"];
-        let agents = raw.agents as usize;
         Ok(Self {
             // SAFETY: as promised.
-            goals: unsafe { lists(names, raw.goal_offsets, raw.goals, agents, most)? },
+            goals: unsafe { lists(names, raw.goal_offsets, raw.goals, goal_lists, most)? },
             window_steps: raw.window_steps,
             window_s: raw.window_s,
             assignments: assignments

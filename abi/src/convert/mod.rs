@@ -159,6 +159,14 @@ fn reserved(what: &str, value: u32) -> Result<(), Failure> {
     }
 }
 
+/// Refuses numbers that JSON does not have: what is submitted is the same by every attachment.
+fn finite(name: &str, numbers: &[f64]) -> Result<(), Failure> {
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(number) => Err(invalid(format!("{name} has {number}, which is not finite"))),
+        None => Ok(()),
+    }
+}
+
 /// Copies lists, then looks at the copy: another thread of the other side may still write to
 /// its arrays. Refuses more than `most` items together before it looks at an item.
 ///
@@ -224,10 +232,11 @@ unsafe fn parts(parts: c::Parts) -> Result<Vec<Part>, Failure> {
     let mut known = Vec::new();
     for part in list {
         reserved("part", part.reserved)?;
+        let flags = flags("part", part.flags, c::PART_CRITICAL | c::PART_JSON)?;
         // SAFETY: as promised.
         let id = unsafe { string(part.id) };
-        let critical = part.flags & c::PART_CRITICAL != 0;
-        if part.flags & c::PART_JSON == 0 {
+        let critical = flags & c::PART_CRITICAL != 0;
+        if flags & c::PART_JSON == 0 {
             if critical {
                 return Err(unsupported(format!("the critical part `{id}` is unknown")));
             }
@@ -235,6 +244,7 @@ unsafe fn parts(parts: c::Parts) -> Result<Vec<Part>, Failure> {
         }
         // SAFETY: the flag says that it is one.
         let json = unsafe { whole("part.data", part.data.cast::<c::Json>())? };
+        reserved("part.data", json.reserved)?;
         // SAFETY: as promised.
         let text = unsafe { string(json.text) };
         let data = serde_json::from_str(&text)

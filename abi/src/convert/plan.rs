@@ -3,7 +3,7 @@
 use std::ptr;
 
 use super::instance::nothing_critical;
-use super::{code, copied, invalid, lists, offsets_of, reserved, size_of, whole};
+use super::{code, copied, finite, invalid, lists, offsets_of, reserved, size_of, whole};
 use crate::c;
 use crate::lists::Lists;
 use crate::plan::{GridPlan, Knot, Plan, PlanRef, Visit};
@@ -17,14 +17,6 @@ pub fn wrong_agents(paths: usize, agents: usize) -> String {
 /// One number of each entry, as a column.
 fn column<E>(entries: &[E], number: impl Fn(&E) -> f64) -> Vec<f64> {
     entries.iter().map(number).collect()
-}
-
-/// JSON has no other numbers, and a plan is the same by every attachment.
-fn finite(name: &str, numbers: &[f64]) -> Result<(), Failure> {
-    match numbers.iter().find(|number| !number.is_finite()) {
-        Some(number) => Err(invalid(format!("{name} has {number}, which is not finite"))),
-        None => Ok(()),
-    }
 }
 
 impl PlanRef<'_> {
@@ -124,6 +116,7 @@ impl Plan {
             c::FORM_CELLS => {
                 // SAFETY: the form says what the body is, here and below.
                 let body = unsafe { whole("plan.body", raw.body.cast::<c::Cells>())? };
+                reserved("plan.body", body.reserved)?;
                 let names = ["plan.offsets", "plan.cells"];
                 // SAFETY: as promised.
                 let cells = unsafe { lists(names, raw.offsets, body.cells, paths, most)? };
@@ -132,6 +125,7 @@ impl Plan {
             c::FORM_VISITS => {
                 // SAFETY: as promised.
                 let body = unsafe { whole("plan.body", raw.body.cast::<c::Visits>())? };
+                reserved("plan.body", body.reserved)?;
                 let names = ["plan.offsets", "plan.vertices"];
                 // SAFETY: as promised.
                 let (offsets, len) = unsafe { offsets_of(names, raw.offsets, paths, most)? };
@@ -154,22 +148,26 @@ impl Plan {
             _ => {
                 // SAFETY: as promised.
                 let body = unsafe { whole("plan.body", raw.body.cast::<c::Trajectories>())? };
+                reserved("plan.body", body.reserved)?;
                 let names = ["plan.offsets", "plan.time_s"];
                 // SAFETY: as promised.
                 let (offsets, len) = unsafe { offsets_of(names, raw.offsets, paths, most)? };
-                let column = |name, pointer| {
-                    // SAFETY: as promised.
-                    let column = unsafe { copied(name, pointer, len)? };
-                    finite(name, &column).map(|()| column)
-                };
+                // SAFETY: as promised.
+                let column = |name, pointer| unsafe { copied(name, pointer, len) };
                 let time_s = column(names[1], body.time_s)?;
                 let x_m = column("plan.x_m", body.x_m)?;
                 let y_m = column("plan.y_m", body.y_m)?;
+                finite(names[1], &time_s)?;
+                finite("plan.x_m", &x_m)?;
+                finite("plan.y_m", &y_m)?;
                 let heading_rad = if body.heading_rad.is_null() {
                     vec![f64::NAN; len]
                 } else {
                     column("plan.heading_rad", body.heading_rad)?
                 };
+                if heading_rad.iter().any(|heading| heading.is_infinite()) {
+                    return Err(invalid("plan.heading_rad has an infinite heading"));
+                }
                 let knots = (0..len).map(|knot| Knot {
                     time_s: time_s[knot],
                     x_m: x_m[knot],

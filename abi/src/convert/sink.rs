@@ -97,7 +97,7 @@ unsafe extern "C" fn submit_request(pointer: *mut c_void, request: *const c::Req
     // SAFETY: as above.
     let context = unsafe { context(pointer) };
     // SAFETY: as above.
-    match unsafe { Request::from_c(request, context.most) } {
+    match unsafe { Request::from_c(request, context.agents, context.most) } {
         Ok(request) => code(context.sink.submit_request(&request)),
         Err(failure) => context.broken(failure.message),
     }

@@ -1,17 +1,25 @@
 //! The JSON wire: what the host reads of a plugin, and what a plugin reads of the host.
 
-use fleetyard_abi::paths::{PathContext, PathsReader, WritePaths};
+use std::sync::Arc;
+
+use fleetyard_abi::moves::OFF_MAP;
+use fleetyard_abi::paths::{PathContext, PathsReader, PlanContext, WritePaths, WritePlan};
 use fleetyard_abi::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
-    InitializeParams, InitializeResult, LogParams, MetricParams, Outcome, PlanParams, PlanResult,
-    PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
-    ShouldInvokeResult,
+    InitializeParams, InitializeResult, LogParams, MetricParams, NoteParams, Outcome, PlanParams,
+    PlanResult, PlanText, PrepareParams, ProgressParams, RecoverParams, Request, Response,
+    ShouldInvokeParams, ShouldInvokeResult,
 };
-use fleetyard_abi::{Environment, GridPlan, Instance, PathEncoding, moves::OFF_MAP};
+use fleetyard_abi::{
+    Environment, FleetState, GridPlan, Instance, PathEncoding, Plan, Request as NextRequest, View,
+    WorkspaceEnvironment, plain_moves,
+};
 use fleetyard_runtime::message::{self, Message};
 use fleetyard_runtime::plan_from_abi;
 use serde::de::DeserializeSeed;
 use serde_json::value::RawValue;
+
+use super::abi;
 
 /// Messages, one a line: reads each as the host does and as a plugin does, then lets a
 /// server of plugins answer them all.
@@ -50,7 +58,10 @@ fn heard(line: &[u8]) {
         }
         Ok(Message::Answer { id, result }) => (id, result),
         Ok(Message::Metric(metric)) => return assert!(metric.value.is_finite()),
-        Ok(Message::Incumbent(found)) => return paths(found),
+        Ok(Message::Incumbent(found)) => {
+            assert!(found.is_there());
+            return plan(&found);
+        }
         Ok(_) => return,
     };
     let again = match (id, &result) {
@@ -132,34 +143,40 @@ fn one_line(line: &[u8]) -> &str {
 
 fn parameters(text: &str) {
     round_trip!(text, LogParams);
+    round_trip!(text, NoteParams);
     round_trip!(text, ProgressParams);
     round_trip!(text, CancelParams);
     round_trip!(text, InitializeParams);
     round_trip!(text, CreateParams);
-    round_trip!(text, PlanParams);
-    round_trip!(text, GenerateParams);
-    round_trip!(text, ShouldInvokeParams);
     if let Some(metric) = round_trip!(text, MetricParams) {
         assert!(metric.value.is_finite());
         let written = serde_json::to_string(&metric.value).expect("a number");
         assert_eq!(written.parse(), Ok(metric.value));
     }
-    if let Some(incumbent) = round_trip!(text, IncumbentParams<&RawValue>) {
-        paths(incumbent.paths);
+    if let Some(found) = round_trip!(text, IncumbentParams<'_>) {
+        plan(&found);
     }
-    if let Some(RecoverParams {
-        failed_paths: Some(failed),
-        ..
-    }) = round_trip!(text, RecoverParams<'_>)
+    if let Some(PlanParams {
+        instance: found, ..
+    }) = round_trip!(text, PlanParams)
     {
-        paths(failed);
+        instance(&found);
+    }
+    if let Some(recover) = round_trip!(text, RecoverParams<'_>) {
+        instance(&recover.instance);
+        let failed = recover.failed_plan.map_or("null", RawValue::get);
+        if let Some(failed) = round_trip!(failed, PlanText<'_>) {
+            plan(&failed);
+        }
+    }
+    if let Some(GenerateParams { state: found, .. }) = round_trip!(text, GenerateParams) {
+        state(&found);
+    }
+    if let Some(ShouldInvokeParams { status }) = round_trip!(text, ShouldInvokeParams) {
+        abi::status_by_c(&status);
     }
     if let Some(prepare) = round_trip!(text, PrepareParams) {
-        let Environment::Grid(grid) = prepare.environment;
-        let cells = u64::from(grid.rows) * u64::from(grid.cols);
-        assert_eq!(grid.passable.len() as u64, cells);
-        assert_eq!(grid.terrain.len() as u64, cells);
-        assert!(cells > 0 && grid.passable.len() <= text.len());
+        environment(prepare.environment, text.len());
     }
 }
 
@@ -167,35 +184,199 @@ fn results(text: &str) {
     round_trip!(text, InitializeResult);
     round_trip!(text, Outcome);
     round_trip!(text, ShouldInvokeResult);
-    if let Some(PlanResult {
-        paths: Some(found), ..
-    }) = round_trip!(text, PlanResult<'_>)
-    {
-        paths(found);
+    if let Some(result) = round_trip!(text, PlanResult<'_>) {
+        plan(&result.plan());
     }
     if let Some(GenerateResult {
-        instance: Some(found),
+        request: Some(found),
         ..
     }) = round_trip!(text, GenerateResult)
     {
-        instance(&found);
+        request(&found);
     }
 }
 
-/// An instance that passes the checks is as the rest of the host relies on.
+/// An environment that can be read is as the rest of the host relies on, and no larger than
+/// its text; by the C ABI it is the same.
+fn environment(found: Environment, len: usize) {
+    assert_eq!(found.check(), Ok(()));
+    match &found.view {
+        View::Grid(grid) => {
+            let cells = u64::from(grid.rows) * u64::from(grid.cols);
+            let free = plain_moves(grid.rows, grid.cols, grid.connectivity, &grid.passable);
+            for list in [&grid.passable, &grid.terrain, &grid.moves] {
+                assert_eq!(list.len() as u64, cells);
+            }
+            assert!(cells > 0 && grid.passable.len() <= len);
+            let mut masks = grid.moves.iter().zip(&free);
+            assert!(masks.all(|(mask, free)| mask & !free == 0));
+            assert_eq!(grid.is_plain(), grid.moves == free);
+        }
+        View::Roadmap(roadmap) => {
+            let (vertices, edges) = (roadmap.vertices(), roadmap.edges.items());
+            assert!(vertices > 0 && vertices + edges.len() <= len);
+            assert_eq!(
+                (roadmap.y_m.len(), roadmap.edges.len()),
+                (vertices, vertices)
+            );
+            assert!(edges.iter().all(|target| (*target as usize) < vertices));
+            for list in [&roadmap.length_m, &roadmap.duration_s] {
+                assert_eq!(list.len(), edges.len());
+                assert!(list.iter().all(|number| number.is_finite()));
+            }
+            roadmap.is_symmetric();
+            if let Some(within) = &roadmap.workspace {
+                workspace(within, len);
+            }
+        }
+        View::Workspace(found) => workspace(found, len),
+    }
+    abi::environment_by_c(&Arc::new(found));
+}
+
+fn workspace(found: &WorkspaceEnvironment, len: usize) {
+    assert!(found.obstacles.items().len() <= len);
+    assert!(found.obstacles.iter().all(|corners| corners.len() > 2));
+    assert!(found.movers.iter().all(|mover| !mover.knots.is_empty()));
+}
+
+/// Numbers of places of maps on which instances are; none in the plane.
+const PLACES: [Option<usize>; 5] = [Some(0), Some(1), Some(12), Some(1 << 20), None];
+
+/// An instance that passes the checks is as the rest of the host relies on; by the C ABI it is
+/// the same.
 fn instance(instance: &Instance) {
-    for cells in [0, 1, 12, 1 << 20] {
-        if instance.check(cells).is_err() {
+    for places in PLACES {
+        if instance.check(places).is_err() {
             continue;
         }
-        assert!(instance.agents() > 0);
-        assert_eq!(instance.goals.len(), instance.agents());
-        assert!(instance.goals.iter().all(|goals| !goals.is_empty()));
-        let all = instance.starts.iter().chain(instance.goals.items());
-        assert!(all.into_iter().all(|cell| (*cell as usize) < cells));
-        // A larger map has the same cells and more.
-        assert!(instance.check(cells + 1).is_ok());
+        let agents = instance.agents();
+        assert!(agents > 0);
+        if let Some(places) = places {
+            assert_eq!(
+                (instance.starts.len(), instance.goals.len()),
+                (agents, agents)
+            );
+            let all = instance.starts.iter().chain(instance.goals.items());
+            assert!(all.into_iter().all(|place| (*place as usize) < places));
+            // A larger map has the same places and more.
+            assert!(instance.check(Some(places + 1)).is_ok());
+            assert!(instance.check(None).is_err());
+        } else {
+            let all = instance.start_states.iter().enumerate();
+            assert_eq!(instance.goal_states.len(), agents);
+            for (agent, start) in all.clone() {
+                let robot = instance.robot(agent).expect("a robot");
+                let goals = &instance.goal_states[agent];
+                let mut states = goals.iter().chain([start]);
+                assert!(states.all(|state| state.0.len() == robot.state_limits.len()));
+                assert!(start.0.len() >= 2);
+            }
+            assert_eq!(all.count(), agents);
+        }
+        assert!(instance.needs().iter().next().is_some());
+        assert!(instance.needs_features().is_sorted());
+        abi::instance_by_c(instance);
     }
+}
+
+/// The state of a fleet, by the C ABI the same.
+fn state(found: &FleetState) {
+    let next = &found.next;
+    instance(next);
+    if PLACES.iter().any(|places| next.check(*places).is_ok()) {
+        abi::state_by_c(found);
+        let same = found.instance(&found.request(next.goals.clone()));
+        assert_eq!(format!("{same:?}"), format!("{next:?}"));
+    }
+}
+
+/// A request that passes the checks is as the rest of the host relies on; by the C ABI it is
+/// the same.
+fn request(found: &NextRequest) {
+    let agents = found.goals.len();
+    for places in PLACES.into_iter().flatten() {
+        if found.check(agents, places).is_ok() {
+            let mut goals = found.goals.items().iter();
+            assert!(goals.all(|place| (*place as usize) < places));
+            let mut given = found.assignments.iter();
+            assert!(given.all(|given| (given.agent as usize) < agents));
+        }
+        assert!(found.check(agents + 1, places).is_err());
+    }
+    abi::request_by_c(found);
+}
+
+/// Most visits and knots of plans, of few and of many.
+const MOST: [usize; 2] = [5, 1 << 20];
+
+/// A plan is read in the form that the map takes, and in no other.
+fn plan(found: &PlanText<'_>) {
+    if let Some(text) = found.paths {
+        paths(text);
+    }
+    let fields = [
+        ("paths", found.paths),
+        ("visits", found.visits),
+        ("trajectories", found.trajectories),
+    ];
+    let [few, many] = MOST;
+    let (rows, cols, starts) = MAPS[0];
+    let on_grid = PlanContext::Paths(PathContext {
+        rows,
+        cols,
+        starts,
+        max_cells: many,
+    });
+    let limited = [PlanContext::Visits(few), PlanContext::Trajectories(few)];
+    let contexts = [
+        on_grid,
+        PlanContext::Visits(many),
+        PlanContext::Trajectories(many),
+    ];
+    for context in contexts {
+        let is_own = |name: &str| name == context.field();
+        let there = fields.iter().filter(|(_, text)| text.is_some());
+        let others = there.clone().any(|(name, _)| !is_own(name));
+        let own = there.clone().find(|(name, _)| is_own(name));
+        match context.read(found) {
+            Ok(read) => {
+                assert!(!others && read.is_some() == own.is_some());
+                let (Some(plan), Some((_, Some(text)))) = (read, own) else {
+                    continue;
+                };
+                assert!(plan.agents() + plan.as_ref().entries() <= text.get().len());
+                for small in limited
+                    .iter()
+                    .filter(|small| small.field() == context.field())
+                {
+                    // The limit is on the sum.
+                    let fits = plan.as_ref().entries() <= few;
+                    assert_eq!(small.read(found).is_ok(), fits);
+                }
+                kept(context, &plan);
+            }
+            Err(reason) => assert!(!reason.is_empty() && (others || own.is_some())),
+        }
+    }
+}
+
+/// A plan is the same when it is written again, and by the C ABI.
+fn kept(context: PlanContext<'_>, plan: &Plan) {
+    assert_eq!(context.check(plan.as_ref()), Ok(()));
+    for encoding in PathEncoding::ALL {
+        let written = serde_json::to_string(&WritePlan {
+            plan: plan.as_ref(),
+            context,
+            encoding,
+        });
+        let written = written.expect("a plan can be written");
+        let text: PlanText<'_> = serde_json::from_str(&written).expect("what was written");
+        let again = context.read(&text);
+        let same = matches!(&again, Ok(Some(again)) if abi::is_same_plan(again, plan));
+        assert!(same, "{plan:?} as {written} is {again:?}");
+    }
+    abi::plan_by_c(plan);
 }
 
 /// Rows, columns and starts of maps on which paths are read.
@@ -297,10 +478,19 @@ mod server {
     use fleetyard_abi::wire::{CancelParams, Envelope};
     use fleetyard_abi::{
         Assignment, Budget, Descriptor, FleetState, FleetStatus, Goals, GridPlan, Instance, Kind,
-        LogLevel, SharedEnvironment, serve,
+        Knot, KnotPlan, LogLevel, Plan, SharedEnvironment, State, View, Visit, VisitPlan, serve,
     };
 
-    struct Calm;
+    /// Knows the map, in whichever representation.
+    #[derive(Default)]
+    struct Calm(Option<SharedEnvironment>);
+
+    impl Calm {
+        /// The form of plans is that of the map. The server lets no call through before it.
+        fn view(&self) -> &View {
+            &self.0.as_ref().expect("a map").view
+        }
+    }
 
     impl Prepare for Calm {
         fn prepare(
@@ -309,11 +499,39 @@ mod server {
             _: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            let grid = environment.grid().expect("a grid");
-            let cells = u64::from(grid.rows) * u64::from(grid.cols);
-            assert!(grid.passable.len() as u64 == cells && cells > 0);
-            sink.log(LogLevel::Info, &grid.map_name);
+            assert_eq!(environment.check(), Ok(()));
+            assert_ne!(environment.places(), Some(0));
+            sink.log(LogLevel::Info, &environment.name);
+            sink.note("map", &environment.digest);
+            self.0 = Some(SharedEnvironment::clone(environment));
             Ok(())
+        }
+    }
+
+    /// A leap to each goal, and past the end of the map.
+    fn leaps(instance: &Instance) -> impl Iterator<Item = Vec<u32>> {
+        (0..instance.agents()).map(|agent| {
+            let start = instance.starts[agent];
+            let mut path = vec![start, start.wrapping_add(1)];
+            path.extend_from_slice(&instance.goals[agent]);
+            path
+        })
+    }
+
+    fn visit((second, vertex): (usize, u32)) -> Visit {
+        Visit {
+            vertex,
+            arrival_s: second as f64,
+            departure_s: second as f64 + 0.5,
+        }
+    }
+
+    fn knot((second, state): (usize, &State)) -> Knot {
+        Knot {
+            time_s: second as f64,
+            x_m: state.0[0],
+            y_m: state.0[1],
+            heading_rad: state.0.get(2).copied().unwrap_or(f64::NAN),
         }
     }
 
@@ -324,18 +542,34 @@ mod server {
             budget: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            assert_eq!(instance.goals.len(), instance.agents());
             sink.metric("agents", instance.agents() as f64);
             sink.metric("radius", instance.radius_m);
             sink.progress(budget.seed, budget.nodes);
-            // A leap to each goal, and past the end of the map.
-            let paths = (0..instance.agents()).map(|agent| {
-                let start = instance.starts[agent];
-                let mut path = vec![start, start.wrapping_add(1)];
-                path.extend_from_slice(&instance.goals[agent]);
-                path
-            });
-            sink.submit(&GridPlan::from_paths(paths))?;
+            match self.view() {
+                View::Grid(_) => {
+                    assert_eq!(instance.goals.len(), instance.agents());
+                    sink.submit(&GridPlan::from_paths(leaps(instance)))?;
+                }
+                View::Roadmap(_) => {
+                    let visits =
+                        leaps(instance).map(|path| path.into_iter().enumerate().map(visit));
+                    sink.submit(&visits.collect::<VisitPlan>())?;
+                }
+                View::Workspace(_) => {
+                    assert_eq!(instance.goal_states.len(), instance.agents());
+                    let starts = instance.start_states.iter();
+                    let knots = starts
+                        .zip(instance.goal_states.iter())
+                        .map(|(start, goals)| {
+                            let states = [start].into_iter().chain(goals);
+                            // Any number will do, but JSON has to have it.
+                            let states =
+                                states.filter(|state| !state.0[..2].iter().any(|n| n.is_nan()));
+                            states.enumerate().map(knot)
+                        });
+                    sink.submit(&knots.collect::<KnotPlan>())?;
+                }
+            }
             Ok(())
         }
     }
@@ -344,12 +578,25 @@ mod server {
         fn recover(
             &mut self,
             instance: &Instance,
-            failed: Option<&GridPlan>,
+            failed: Option<&Plan>,
             _: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            let stay = GridPlan::from_paths(instance.starts.iter().map(|cell| [*cell]));
-            sink.submit(failed.unwrap_or(&stay))?;
+            let stay = || {
+                let starts = instance.starts.iter().copied();
+                match self.view() {
+                    View::Grid(_) => GridPlan::from_paths(starts.map(|cell| [cell])).into(),
+                    View::Roadmap(_) => {
+                        let visits = starts.map(|vertex| [visit((0, vertex))]);
+                        Plan::Visits(visits.collect())
+                    }
+                    View::Workspace(_) => {
+                        let knots = instance.start_states.iter().map(|state| [knot((0, state))]);
+                        Plan::Trajectories(knots.collect())
+                    }
+                }
+            };
+            sink.submit(&failed.cloned().unwrap_or_else(stay))?;
             Ok(())
         }
     }
@@ -361,14 +608,14 @@ mod server {
             _: &Budget,
             sink: &dyn Sink,
         ) -> Result<(), Failure> {
-            let mut instance = state.instance(Goals::single(state.cells.clone()));
-            instance
+            let mut request = state.request(Goals::single(state.next.starts.clone()));
+            request
                 .assignments
                 .extend(state.tasks.first().map(|task| Assignment {
                     agent: 0,
                     task: task.id,
                 }));
-            sink.submit_instance(&instance)?;
+            sink.submit_request(&request)?;
             Ok(())
         }
     }
@@ -386,19 +633,23 @@ mod server {
     static CATALOG: StaticCatalog = StaticCatalog(&[
         Entry {
             descriptor: || Descriptor::new(Kind::Planner, "calm", "Leaps"),
-            create: |given| options(given).map(|()| Object::Planner(Box::new(Calm))),
+            create: |given| options(given).map(|()| Object::Planner(Box::new(Calm::default()))),
         },
         Entry {
             descriptor: || Descriptor::new(Kind::FailPolicy, "calm", "Stays"),
-            create: |given| options(given).map(|()| Object::FailPolicy(Box::new(Calm))),
+            create: |given| options(given).map(|()| Object::FailPolicy(Box::new(Calm::default()))),
         },
         Entry {
             descriptor: || Descriptor::new(Kind::InstanceGenerator, "calm", "Asks for nothing"),
-            create: |given| options(given).map(|()| Object::InstanceGenerator(Box::new(Calm))),
+            create: |given| {
+                options(given).map(|()| Object::InstanceGenerator(Box::new(Calm::default())))
+            },
         },
         Entry {
             descriptor: || Descriptor::new(Kind::InvocationPolicy, "calm", "Plans early"),
-            create: |given| options(given).map(|()| Object::InvocationPolicy(Box::new(Calm))),
+            create: |given| {
+                options(given).map(|()| Object::InvocationPolicy(Box::new(Calm::default())))
+            },
         },
     ]);
 

@@ -180,6 +180,10 @@ impl Library {
         // Factories of all kinds differ in the type of `create` alone.
         // SAFETY: the pointer is the answer to that identifier.
         let factory = unsafe { checked("factory", factory.cast::<c::PlannerFactory>())? };
+        if factory.reserved != 0 {
+            let reserved = factory.reserved;
+            return Err(format!("factory.reserved is {reserved}, not 0"));
+        }
         let (Some(count), Some(descriptor), Some(_)) =
             (factory.count, factory.descriptor, factory.create)
         else {
@@ -327,7 +331,7 @@ trait Raw: Copy {
     fn room() -> Self;
     fn context(&self) -> *mut c_void;
     fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)>;
-    /// True if the size is right and no function that must be there is missing.
+    /// True if size and reserved field are right and no function that must be there is missing.
     fn whole(&self) -> bool;
 }
 
@@ -364,7 +368,9 @@ macro_rules! raw {
             }
 
             fn whole(&self) -> bool {
-                self.struct_size >= size_of::<Self>() $(&& self.$call.is_some())*
+                self.struct_size >= size_of::<Self>()
+                    && self.reserved == 0
+                    $(&& self.$call.is_some())*
             }
         }
     };
@@ -473,18 +479,18 @@ impl<T: Raw> Foreign<T> {
     }
 
     /// Makes a call that has a budget and a sink, and turns its status into a
-    /// result. `call` gets the context and both in their C form. Where plans are
-    /// asked for, they are for so many agents and have so many cells at most: others are
+    /// result. `call` gets the context and both in their C form. Where a plan or a request is
+    /// asked for, it is for so many agents and has so many cells or goals at most: others are
     /// refused before they are read.
     fn ask(
         &self,
-        plans: Option<(usize, usize)>,
+        asked: Option<(usize, usize)>,
         budget: &Budget,
         sink: &dyn Sink,
         call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
     ) -> Result<(), Failure> {
-        let (agents, most_cells) = plans.unzip();
-        let context = SinkContext::new(sink, agents, most_cells.unwrap_or(PLAN_CELLS));
+        let (agents, most) = asked.unzip();
+        let context = SinkContext::new(sink, agents, most.unwrap_or(PLAN_CELLS));
         let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
         result(code, &context)
     }
@@ -595,9 +601,10 @@ impl InstanceGenerator for Foreign<c::InstanceGenerator> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let generate = self.raw.generate.ok_or_else(|| missing("generate"))?;
+        let asked = Some((state.next.agents(), PLAN_CELLS));
         let state = CFleetState::new(state, self.environment()?);
         // SAFETY: all arguments live through the call.
-        self.ask(None, budget, sink, |context, budget, sink| unsafe {
+        self.ask(asked, budget, sink, |context, budget, sink| unsafe {
             generate(context, state.raw(), budget, sink)
         })
     }
