@@ -622,8 +622,8 @@ pub struct Trajectories {
     pub x_m: *const f64,
     /// Positions.
     pub y_m: *const f64,
-    /// Headings, counter-clockwise and unwrapped, NaN of robots that have none; null when no robot
-    /// has one.
+    /// Headings, counter-clockwise and unwrapped; NaN where a robot has none, null when none has
+    /// one.
     pub heading_rad: *const f64,
 }
 

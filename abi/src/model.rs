@@ -828,8 +828,10 @@ impl Instance {
 }
 
 /// The features that critical parts need.
-pub(crate) fn critical(parts: &[Part]) -> impl Iterator<Item = String> {
-    let critical = parts.iter().filter(|part| part.critical);
+pub(crate) fn critical<'a>(
+    parts: impl IntoIterator<Item = &'a Part>,
+) -> impl Iterator<Item = String> {
+    let critical = parts.into_iter().filter(|part| part.critical);
     critical.map(|part| format!("part:{}", part.id))
 }
 

@@ -286,6 +286,9 @@ impl<P: sdk::InstanceGenerator> InstanceGenerator for InstanceGeneratorOf<P> {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
+        self.0.ready()?;
+        let parts = state.parts.iter().chain(&state.next.parts);
+        self.0.lists("state", critical(parts))?;
         let (generator, learnt) = self.0.ready()?;
         generator.generate(&mut learnt.map, state, budget, sink)
     }

@@ -110,9 +110,10 @@ impl CInstance {
     }
 }
 
-/// States one after the other, with their offsets; null when there are none.
-fn states_to_c(states: &[State], kept: &mut Kept) -> (*const u64, *const f64) {
-    if states.is_empty() {
+/// States one after the other, with their offsets; null but in the plane, where there are offsets
+/// even if nobody has a goal.
+fn states_to_c(states: &[State], in_plane: bool, kept: &mut Kept) -> (*const u64, *const f64) {
+    if !in_plane {
         return (ptr::null(), ptr::null());
     }
     let flat: Lists<f64> = states.iter().map(|state| state.0.iter().copied()).collect();
@@ -138,8 +139,9 @@ fn instance_to_c(
         kept.list(codes)
     });
     let in_plane = !instance.start_states.is_empty();
-    let (start_state_offsets, start_states) = states_to_c(&instance.start_states, kept);
-    let (goal_state_offsets, goal_states) = states_to_c(instance.goal_states.items(), kept);
+    let (start_state_offsets, start_states) = states_to_c(&instance.start_states, in_plane, kept);
+    let goals = instance.goal_states.items();
+    let (goal_state_offsets, goal_states) = states_to_c(goals, in_plane, kept);
     let goal_offsets = if in_plane {
         instance.goal_states.offsets().as_ptr()
     } else {

@@ -163,7 +163,12 @@ impl Plan {
                 let heading_rad = if body.heading_rad.is_null() {
                     vec![f64::NAN; len]
                 } else {
-                    column("plan.heading_rad", body.heading_rad)?
+                    // SAFETY: as promised.
+                    let headings = unsafe { copied("plan.heading_rad", body.heading_rad, len)? };
+                    let known: Vec<f64> =
+                        headings.iter().copied().filter(|h| !h.is_nan()).collect();
+                    finite("plan.heading_rad", &known)?;
+                    headings
                 };
                 if heading_rad.iter().any(|heading| heading.is_infinite()) {
                     return Err(invalid("plan.heading_rad has an infinite heading"));

@@ -4,5 +4,7 @@ mod figures;
 mod header;
 mod lists;
 mod paths;
+mod refusals;
+mod round_trips;
 mod schema;
 mod serve;

@@ -5,10 +5,10 @@
 use std::io::{Cursor, Write};
 use std::sync::{Arc, Mutex};
 
-use fleetyard_abi::sdk::{Failure, InvocationPolicy, Options, Planner, Plugin, Sink};
+use fleetyard_abi::sdk::{Failure, InvocationPolicy, Options, Planner, Plugin, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind,
-    SharedEnvironment, Status, c, convert, serve,
+    Budget, Capabilities, Capability, Descriptor, FleetStatus, GridPlan, Instance, Kind, LogLevel,
+    PlanRef, Request, SharedEnvironment, Status, c, convert, serve,
 };
 
 #[derive(Default, serde::Deserialize)]
@@ -219,6 +219,72 @@ fn the_c_abi_lists_what_the_crate_exports() {
     }
     // SAFETY: as above.
     assert!(unsafe { get_factory(c::Str::new("somebody.else/1")) }.is_null());
+}
+
+#[test]
+fn too_little_room_for_an_object_is_refused_without_a_write() {
+    let get_factory = fleetyard_plugin_entry_v1.get_factory.unwrap();
+    let whole = convert::size_of::<c::Planner>();
+    // SAFETY: the factory is that of planners and alive, and all that `create` gets lives through
+    // the call.
+    unsafe {
+        let factory = &*get_factory(c::Str::new(c::PLANNER_FACTORY_ID)).cast::<c::PlannerFactory>();
+        let options = convert::COptions::new("{}");
+        for (room, status) in [
+            (0, c::STATUS_UNSUPPORTED),
+            (whole - 1, c::STATUS_UNSUPPORTED),
+            (whole, c::STATUS_SOLVED),
+            (whole + 8, c::STATUS_SOLVED),
+        ] {
+            let context = convert::SinkContext::new(&Silent, None, 0);
+            let sink = context.to_c();
+            let mut out: c::Planner = std::mem::zeroed();
+            (out.struct_size, out.reserved) = (room, 0xABCD);
+            let create = factory.create.unwrap();
+            let made = create(
+                factory.context,
+                0,
+                options.raw(),
+                &raw const sink,
+                &raw mut out,
+            );
+            assert_eq!(made, status, "{room} bytes");
+            if made == c::STATUS_SOLVED {
+                assert_eq!(out.struct_size, whole);
+                out.destroy.unwrap()(out.context);
+            } else {
+                let message = context.take_message().unwrap();
+                assert!(message.contains("older than this plugin"), "{message}");
+                assert_eq!((out.struct_size, out.reserved), (room, 0xABCD));
+                assert!(out.context.is_null() && out.plan.is_none());
+            }
+        }
+    }
+}
+
+/// Takes nothing.
+struct Silent;
+
+impl Sink for Silent {
+    fn submit_plan(&self, _: PlanRef<'_>) -> Result<(), Rejected> {
+        Err(Rejected::Malformed)
+    }
+
+    fn submit_request(&self, _: &Request) -> Result<(), Rejected> {
+        Err(Rejected::Malformed)
+    }
+
+    fn metric(&self, _: &str, _: f64) {}
+
+    fn note(&self, _: &str, _: &str) {}
+
+    fn log(&self, _: LogLevel, _: &str) {}
+
+    fn progress(&self, _: u64, _: u64) {}
+
+    fn cancelled(&self) -> bool {
+        false
+    }
 }
 
 #[cfg(feature = "layout")]

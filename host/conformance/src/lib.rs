@@ -18,6 +18,7 @@
 mod cases;
 mod judge;
 mod kit;
+mod question;
 mod report;
 mod scene;
 mod trial;

@@ -1,12 +1,16 @@
 //! Instances for plugins: small ones, drawn by hand where the answer is to be known, made from a
-//! seed where many are wanted, and one that no planner can finish.
+//! seed where many are wanted, and one that no planner can finish. They are on grids, from which
+//! those on roadmaps and in the plane can be made.
+
+pub(crate) mod roadmap;
+pub(crate) mod workspace;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    FleetState, FleetStatus, Heading, Instance, Motion, Objective, SharedEnvironment, Task,
+    FleetState, Heading, Instance, Motion, Objective, Plan, Request, Robot, SharedEnvironment, Task,
 };
 use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
 use fleetyard_world::SeededRandom;
@@ -14,11 +18,15 @@ use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec,
 };
 
+use crate::judge::{self, Rules, other_form};
+use crate::question::Question;
 use crate::trial::{Step, Stop};
 
 const CELL_SIZE_M: f64 = 1.0;
 const STEP_S: f64 = 1.0;
-const RADIUS_M: f64 = 0.35;
+
+/// Radius of robots: discs that keep clear of each other where one follows another round a corner.
+pub(crate) const RADIUS_M: f64 = 0.35;
 
 /// An instance with a name.
 #[derive(Debug, Clone)]
@@ -39,6 +47,8 @@ pub(crate) struct Scene {
     pub(crate) demand: Demand,
     /// That it cannot be solved is because there are several agents.
     pub(crate) crowded: bool,
+    /// The radius of every agent's disc, where they differ.
+    pub(crate) radii_m: Vec<f64>,
 }
 
 /// The work that the fleet of a scene has, for instance generators.
@@ -102,7 +112,43 @@ impl Scene {
             best: None,
             demand: Demand::Some,
             crowded: false,
+            radii_m: Vec::new(),
         }
+    }
+
+    /// Two agents at their goals.
+    fn pair() -> Step<Self> {
+        Self::drawn("pair", &["ab"], &["ab"])
+    }
+
+    /// The same on one-way streets: a drawing of the map in which an arrow, one of `^>v<`, is the
+    /// only way out of its cell.
+    pub(crate) fn one_way(mut self, arrows: &[&str]) -> Step<Self> {
+        let arrows = arrows.concat();
+        let masks = arrows.bytes().zip(0..).map(|(arrow, cell)| {
+            let all = self.grid.move_mask(cell, Connectivity::Eight);
+            let only = b"^>v<".iter().position(|known| *known == arrow);
+            only.map_or(all, |bit| all & (1 << bit))
+        });
+        let masks = masks.collect();
+        let grid = Grid::clone(&self.grid).with_moves(masks);
+        let grid = grid.map_err(|error| Stop::Failed(format!("the kit has no map: {error}")))?;
+        self.grid = Arc::new(grid);
+        Ok(self)
+    }
+
+    /// The models of robots and the model of every agent, where they differ.
+    fn robots(&self) -> (Vec<Robot>, Vec<u32>) {
+        let mut radii = self.radii_m.clone();
+        radii.sort_by(f64::total_cmp);
+        radii.dedup();
+        let model = |radius: &f64| radii.iter().position(|known| known == radius);
+        let robot_of = self.radii_m.iter().filter_map(model);
+        let robots = radii.iter().map(|radius| workspace::disc(*radius));
+        (
+            robots.collect(),
+            robot_of.map(|model| model as u32).collect(),
+        )
     }
 
     /// Nobody can solve it, though each agent alone would arrive.
@@ -112,10 +158,11 @@ impl Scene {
     }
 
     /// The first agent alone: for planners that plan for one.
-    pub(crate) fn first_agent(&self) -> Self {
+    fn alone(&self) -> Self {
         let mut alone = self.clone();
         alone.starts.truncate(1);
         alone.goals.truncate(1);
+        alone.radii_m.truncate(1);
         if let Some(headings) = &mut alone.headings {
             headings.truncate(1);
         }
@@ -239,7 +286,7 @@ impl Scene {
 
     /// The first agent alone, which goes in straight lines.
     pub(crate) fn straight(&self) -> Self {
-        let mut alone = self.first_agent();
+        let mut alone = self.alone();
         alone.motion = Motion::AnyAngle;
         alone.best = None;
         alone
@@ -260,21 +307,28 @@ impl Scene {
         )
         .map_err(|error| error.to_string())
     }
+}
 
-    /// The environment that a plugin gets.
-    pub(crate) fn environment(&self) -> Step<SharedEnvironment> {
-        // The conversion wants an instance; any will do.
-        let somewhere: Vec<u32> = free_cells(&self.grid).into_iter().take(1).collect();
-        let grid = Arc::clone(&self.grid);
-        let any = GridInstance::new(grid, self.connectivity, somewhere.clone(), somewhere)
-            .map_err(|error| Stop::Failed(format!("the kit has no map: {error}")))?;
-        Ok(fleetyard_runtime::environment(&any, CELL_SIZE_M, STEP_S))
+impl Question for Scene {
+    fn name(&self) -> &str {
+        &self.name
     }
 
-    /// The instance for a planner or a fail policy.
-    pub(crate) fn instance(&self) -> Instance {
+    fn environment(&self) -> Step<SharedEnvironment> {
+        Ok(fleetyard_runtime::environment_of(
+            &self.grid,
+            self.connectivity,
+            CELL_SIZE_M,
+            STEP_S,
+        ))
+    }
+
+    fn instance(&self) -> Instance {
+        let (robots, robot_of) = self.robots();
         Instance {
             starts: self.starts.clone(),
+            robots,
+            robot_of,
             headings: self.headings.clone(),
             goals: self.goals.iter().cloned().collect(),
             motion: self.motion,
@@ -286,8 +340,7 @@ impl Scene {
         }
     }
 
-    /// The state of the fleet for an instance generator.
-    pub(crate) fn state(&self) -> FleetState {
+    fn state(&self) -> FleetState {
         let open = |(agent, goals): (usize, &Vec<u32>)| match self.demand {
             Demand::Everything => goals.clone(),
             Demand::Some if agent % 3 == 0 => goals.clone(),
@@ -326,19 +379,39 @@ impl Scene {
         }
     }
 
-    /// The status of the fleet for an invocation policy.
-    pub(crate) fn status(&self) -> FleetStatus {
-        FleetStatus {
-            time_s: 12.5,
-            since_last_call_s: 1.5,
-            planning_limit_s: 1.0,
-            action_s: 0.5,
-            actions_left: self.starts.iter().map(|start| start % 5).collect(),
-        }
+    fn first_agent(&self) -> Box<dyn Question> {
+        Box::new(self.alone())
     }
 
-    /// The instance as a picture, if it is small enough to be of use.
-    pub(crate) fn picture(&self) -> String {
+    fn pair(&self) -> Step<Option<Box<dyn Question>>> {
+        let several = self.motion == Motion::Pebble;
+        let pair = several.then(Self::pair).transpose()?;
+        Ok(pair.map(|pair| Box::new(pair) as Box<dyn Question>))
+    }
+
+    fn is_crowded(&self) -> bool {
+        self.crowded
+    }
+
+    fn best(&self) -> Option<f64> {
+        self.best.map(|best| best as f64)
+    }
+
+    fn judge(&self, plan: &Plan, rules: Rules) -> Result<f64, String> {
+        let cells = plan.cells().ok_or_else(|| other_form("paths", plan))?;
+        if rules.may_collide {
+            judge::paths(self, cells)?;
+            return Ok(cells.sum_of_costs() as f64);
+        }
+        let cost = judge::plan(self, cells, rules.arrival, rules.delay)?;
+        Ok(cost as f64)
+    }
+
+    fn judge_request(&self, request: &Request) -> Result<(), String> {
+        judge::request(self, request)
+    }
+
+    fn picture(&self) -> String {
         let (rows, cols) = (self.grid.rows() as usize, self.grid.cols() as usize);
         if rows > 20 || cols > 36 || self.agents() > 26 {
             return String::new();
@@ -381,6 +454,26 @@ impl From<InputError> for Stop {
     fn from(error: InputError) -> Self {
         Self::Failed(format!("the kit could not make its instance: {error}"))
     }
+}
+
+/// The middle of a cell in the plane: x goes right and y up from the lower left corner of the map.
+fn middle_m(grid: &Grid, cell: u32) -> [f64; 2] {
+    let (row, col) = grid.row_col(cell);
+    let up = grid.rows().saturating_sub(row + 1);
+    [col, up].map(|cells| (f64::from(cells) + 0.5) * CELL_SIZE_M)
+}
+
+/// Agents as lines, if they are few enough to be of use.
+fn listed(agents: impl ExactSizeIterator<Item = String>) -> String {
+    if agents.len() > 26 {
+        return String::new();
+    }
+    let lines = agents.enumerate();
+    lines.fold(String::new(), |mut text, (agent, way)| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\nagent {agent}: {way}");
+        text
+    })
 }
 
 pub(crate) fn free_cells(grid: &Grid) -> Vec<u32> {

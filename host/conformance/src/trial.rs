@@ -1,21 +1,21 @@
 //! One case and one plugin: sessions, calls, answers, and what is noted on
 //! the way.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, FleetStatus, GridPlan, Kind, Motion, Objective, Plan, Request,
-    Status,
+    Budget, Capability, Descriptor, FleetStatus, Kind, Knot, KnotPlan, Motion, Objective, Part,
+    Plan, Request, SharedEnvironment, Status,
 };
 use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
 use fleetyard_world::SeededRandom;
 use serde_json::{Map, Value};
 
 use crate::cases::Case;
-use crate::judge::{self, Arrival};
+use crate::judge::{Arrival, Rules};
 use crate::kit::{Config, Kit, Subject, milliseconds};
+use crate::question::{Question, Representation};
 use crate::report::Outcome;
 use crate::scene::Scene;
 
@@ -70,6 +70,8 @@ pub(crate) struct Call<'a> {
     pub(crate) threads: u32,
     /// The plan that a planner left, for fail policies.
     pub(crate) failed: Option<&'a Plan>,
+    /// A part that the input has besides.
+    pub(crate) part: Option<&'a Part>,
 }
 
 impl Call<'_> {
@@ -79,6 +81,7 @@ impl Call<'_> {
             nodes: 0,
             threads: 1,
             failed: None,
+            part: None,
         }
     }
 }
@@ -103,7 +106,7 @@ pub(crate) struct Answer {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Said {
     /// Plans that came in time, in order.
-    Plans(Vec<GridPlan>),
+    Plans(Vec<Plan>),
     Request(Request),
     Invoke(bool),
     Nothing,
@@ -111,7 +114,7 @@ pub(crate) enum Said {
 
 impl Answer {
     /// The plans, if the answer has some.
-    pub(crate) fn plans(&self) -> &[GridPlan] {
+    pub(crate) fn plans(&self) -> &[Plan] {
         match &self.said {
             Said::Plans(plans) => plans,
             _ => &[],
@@ -119,7 +122,7 @@ impl Answer {
     }
 
     /// For people: the status and what the plugin said about it.
-    fn shown(&self) -> String {
+    pub(crate) fn shown(&self) -> String {
         match &self.message {
             Some(message) => format!("`{}` ({message})", self.status),
             None => format!("`{}`", self.status),
@@ -133,21 +136,38 @@ pub(crate) fn same(one: &Answer, other: &Answer) -> Result<(), String> {
     let differ = |what: &str| Err(format!("{what} differs from one time to the next"));
     if one.by_clock || other.by_clock {
         return match (one.plans().first(), other.plans().first()) {
-            (Some(one), Some(other)) if one.trimmed() != other.trimmed() => {
-                differ("the first plan")
-            }
+            (Some(one), Some(other)) if !same_plan(one, other) => differ("the first plan"),
             _ => Ok(()),
         };
     }
     if one.status != other.status {
         return differ(&format!("the status ({}, {})", one.status, other.status));
     }
-    let last = |answer: &Answer| answer.plans().last().map(GridPlan::trimmed);
     match (&one.said, &other.said) {
-        (Said::Plans(_), Said::Plans(_)) if last(one) != last(other) => differ("the plan"),
-        (Said::Plans(_), Said::Plans(_)) => Ok(()),
+        (Said::Plans(one), Said::Plans(other)) => match (one.last(), other.last()) {
+            (Some(one), Some(other)) if !same_plan(one, other) => differ("the plan"),
+            _ => Ok(()),
+        },
         (one, other) if one != other => differ("the answer"),
         _ => Ok(()),
+    }
+}
+
+/// True if two plans say the same. Who has no heading has the same one.
+fn same_plan(one: &Plan, other: &Plan) -> bool {
+    match (one, other) {
+        (Plan::Cells(one), Plan::Cells(other)) => one.trimmed() == other.trimmed(),
+        (Plan::Trajectories(one), Plan::Trajectories(other)) => {
+            let numbers = |knot: &Knot| {
+                [knot.time_s, knot.x_m, knot.y_m, knot.heading_rad].map(|number| {
+                    let number = if number.is_nan() { f64::NAN } else { number };
+                    number.to_bits()
+                })
+            };
+            let bits = |plan: &KnotPlan| -> Vec<_> { plan.items().iter().map(numbers).collect() };
+            one.offsets() == other.offsets() && bits(one) == bits(other)
+        }
+        (one, other) => one == other,
     }
 }
 
@@ -238,6 +258,52 @@ impl<'a> Trial<'a> {
         }
     }
 
+    /// The representations in which the plugin plans for several agents, and so can be asked about
+    /// any scene.
+    pub(crate) fn representations(&self) -> Step<Vec<Representation>> {
+        let mut all = Vec::new();
+        if self.claims(Capability::Grid) && self.claims(Capability::Pebble) {
+            all.push(Representation::Grid);
+        }
+        if self.claims(Capability::Roadmap) {
+            all.push(Representation::Roadmap(self.pace()));
+        }
+        if self.claims(Capability::Continuous) {
+            all.push(Representation::Plane);
+        }
+        if all.is_empty() {
+            return Err(Stop::Skipped(
+                "the plugin claims neither pebbles on grids nor roadmaps nor the plane".into(),
+            ));
+        }
+        Ok(all)
+    }
+
+    /// The same, or one in which it plans otherwise.
+    pub(crate) fn any_representation(&self) -> Vec<Representation> {
+        let otherwise = if self.claims(Capability::AnyAngle) {
+            Representation::Straight
+        } else {
+            Representation::Turning
+        };
+        self.representations().unwrap_or(vec![otherwise])
+    }
+
+    /// A scene in every representation that the plugin claims.
+    pub(crate) fn shown(&self, scene: &Scene) -> Step<Vec<Box<dyn Question>>> {
+        let all = self.representations()?.into_iter();
+        Ok(all.map(|representation| representation.of(scene)).collect())
+    }
+
+    /// The motion on roadmaps that the plugin is asked about unless a case is about another one.
+    pub(crate) fn pace(&self) -> Motion {
+        if !self.claims(Capability::StopGo) && self.claims(Capability::Slower) {
+            Motion::Slower
+        } else {
+            Motion::StopGo
+        }
+    }
+
     /// The budget of a call: whoever takes all of it gets a part.
     pub(crate) fn wall(&self) -> Duration {
         if self.claims(Capability::Anytime) {
@@ -290,17 +356,26 @@ impl<'a> Trial<'a> {
     }
 
     /// Tells the plugin a map, if its kind wants to know.
-    pub(crate) fn prepare(&self, session: &mut Session, scene: &Scene) -> Step<()> {
+    pub(crate) fn prepare(&self, session: &mut Session, scene: &dyn Question) -> Step<()> {
         if self.kind() == Kind::InvocationPolicy {
             return Ok(());
         }
-        let budget = self.budget(&Call::of(self.config().budget));
-        session.prepare(&scene.environment()?, &budget)?;
+        self.learn(session, &scene.environment()?)?;
         Ok(())
     }
 
+    /// Tells the plugin a map as it is.
+    pub(crate) fn learn(
+        &self,
+        session: &mut Session,
+        environment: &SharedEnvironment,
+    ) -> Result<(), Fault> {
+        let budget = self.budget(&Call::of(self.config().budget));
+        session.prepare(environment, &budget).map(|_| ())
+    }
+
     /// A plugin that knows the map of a scene.
-    pub(crate) fn ready(&mut self, scene: &Scene) -> Step<Session> {
+    pub(crate) fn ready(&mut self, scene: &dyn Question) -> Step<Session> {
         let mut session = self.open()?;
         self.create(&mut session)?;
         self.prepare(&mut session, scene)?;
@@ -323,51 +398,74 @@ impl<'a> Trial<'a> {
     pub(crate) fn ask(
         &mut self,
         session: &mut Session,
-        scene: &Scene,
+        scene: &dyn Question,
         call: &Call<'_>,
     ) -> Step<Answer> {
-        let answer = self.put(session, &self.fitting(scene), call)?;
+        let answer = self.put_fitting(session, scene, call)?;
         let in_question = self.alone.is_none()
             && self.kind() == Kind::Planner
-            && scene.agents() > 1
-            && scene.motion == Motion::Pebble
+            && scene.instance().agents() > 1
             && answer.status == Status::Unsupported;
-        if !in_question {
+        let Some(pair) = in_question.then(|| scene.pair()).transpose()?.flatten() else {
             return Ok(answer);
-        }
-        let pair = Scene::drawn("pair", &["ab"], &["ab"])?;
-        self.prepare(session, &pair)?;
-        let alone = self.put(session, &pair, call)?.status == Status::Unsupported;
+        };
+        self.prepare(session, &*pair)?;
+        let alone = self
+            .put(
+                session,
+                &*pair,
+                &Call {
+                    part: None,
+                    ..*call
+                },
+            )?
+            .status
+            == Status::Unsupported;
         self.alone = Some(alone);
         self.prepare(session, scene)?;
         if alone {
-            self.put(session, &self.fitting(scene), call)
+            self.put_fitting(session, scene, call)
         } else {
             Ok(answer)
         }
     }
 
-    /// The scene, or as much of it as the plugin plans for.
-    fn fitting<'s>(&self, scene: &'s Scene) -> Cow<'s, Scene> {
-        if self.alone == Some(true) {
-            Cow::Owned(scene.first_agent())
-        } else {
-            Cow::Borrowed(scene)
+    /// The first agent of a scene, if the plugin plans for one.
+    fn only_agent(&self, scene: &dyn Question) -> Option<Box<dyn Question>> {
+        (self.alone == Some(true)).then(|| scene.first_agent())
+    }
+
+    /// Asks it once, as much of the scene as it plans for.
+    fn put_fitting(
+        &self,
+        session: &mut Session,
+        scene: &dyn Question,
+        call: &Call<'_>,
+    ) -> Step<Answer> {
+        match self.only_agent(scene) {
+            Some(only) => self.put(session, &*only, call),
+            None => self.put(session, scene, call),
         }
     }
 
     /// Asks it once, as it is.
-    fn put(&self, session: &mut Session, scene: &Scene, call: &Call<'_>) -> Step<Answer> {
+    fn put(&self, session: &mut Session, scene: &dyn Question, call: &Call<'_>) -> Step<Answer> {
         let budget = self.budget(call);
+        let more = || call.part.cloned();
+        let mut instance = scene.instance();
+        instance.parts.extend(more());
         let started = Instant::now();
         let answer = match self.kind() {
-            Kind::Planner => Self::planned(session.plan(&scene.instance(), &budget), call),
+            Kind::Planner => Self::planned(session.plan(&instance, &budget), call),
             Kind::FailPolicy => {
-                let run = session.recover(&scene.instance(), call.failed, &budget);
+                let run = session.recover(&instance, call.failed, &budget);
                 Self::planned(run, call)
             }
             Kind::InstanceGenerator => {
-                let answered = session.generate(&scene.state(), &budget);
+                let mut state = scene.state();
+                state.parts.extend(more());
+                state.next.parts.extend(more());
+                let answered = session.generate(&state, &budget);
                 answered_by(answered.map(Said::Request), started.elapsed(), call)
             }
             Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
@@ -400,9 +498,9 @@ impl<'a> Trial<'a> {
             Some(fault) => return Err(fault.into()),
             None => (claim.unwrap_or(Status::InternalError), message),
         };
-        let plans: Vec<GridPlan> = incumbents
+        let plans: Vec<Plan> = incumbents
             .into_iter()
-            .filter_map(|incumbent| incumbent.plan?.into_cells())
+            .filter_map(|incumbent| incumbent.plan)
             .collect();
         let too_late = status == Status::Solved && plans.is_empty();
         Ok(Answer {
@@ -425,7 +523,7 @@ impl<'a> Trial<'a> {
     /// Judges an answer.
     pub(crate) fn judge(
         &mut self,
-        scene: &Scene,
+        scene: &dyn Question,
         answer: &Answer,
         expectation: Expectation,
     ) -> Step<()> {
@@ -434,19 +532,20 @@ impl<'a> Trial<'a> {
 
     pub(crate) fn judge_as(
         &mut self,
-        scene: &Scene,
+        scene: &dyn Question,
         answer: &Answer,
         expectation: Expectation,
         arrival: Arrival,
     ) -> Step<()> {
-        if self.alone == Some(true) && scene.crowded {
+        if self.alone == Some(true) && scene.is_crowded() {
             return Err(Stop::Skipped(
                 "asks about several agents, and this is a planner for one".into(),
             ));
         }
-        let scene = &*self.fitting(scene);
+        let only = self.only_agent(scene);
+        let scene = only.as_deref().unwrap_or(scene);
         let failed = |reason: String| {
-            let (name, picture) = (&scene.name, scene.picture());
+            let (name, picture) = (scene.name(), scene.picture());
             Err(Stop::Failed(format!("{name}: {reason}{picture}")))
         };
         if expectation == Expectation::Survival {
@@ -460,7 +559,7 @@ impl<'a> Trial<'a> {
                 }
             }
             Said::Request(request) => {
-                if let Err(reason) = judge::request(scene, request) {
+                if let Err(reason) = scene.judge_request(request) {
                     return failed(reason);
                 }
                 self.note_request(scene, request);
@@ -499,23 +598,23 @@ impl<'a> Trial<'a> {
                     Duration::ZERO => String::new(),
                     late => format!(", {:.0} ms after the deadline", milliseconds(late)),
                 };
-                self.warn(format!("{}: no answer: {shown}{late}", scene.name));
+                self.warn(format!("{}: no answer: {shown}{late}", scene.name()));
                 Ok(())
             }
             _ => Ok(()),
         }
     }
 
-    fn judge_survival(&mut self, scene: &Scene, answer: &Answer) {
+    fn judge_survival(&mut self, scene: &dyn Question, answer: &Answer) {
         let shown = answer.shown();
         match answer.status {
             Status::Solved if self.kind() == Kind::Planner => self.warn(format!(
                 "{}: claims `solved`; better say `invalid-input`",
-                scene.name
+                scene.name()
             )),
             Status::InternalError => self.warn(format!(
                 "{}: claims {shown}; better say `invalid-input`",
-                scene.name
+                scene.name()
             )),
             _ => {}
         }
@@ -523,30 +622,36 @@ impl<'a> Trial<'a> {
 
     fn judge_plans(
         &mut self,
-        scene: &Scene,
-        plans: &[GridPlan],
+        scene: &dyn Question,
+        plans: &[Plan],
         status: Status,
         arrival: Arrival,
     ) -> Result<(), String> {
         let is_policy = self.kind() == Kind::FailPolicy;
         let arrival = if is_policy { Arrival::Free } else { arrival };
-        let colliding = status != Status::Solved && self.claims(Capability::CollidingPlans);
-        let mut before: Option<u64> = None;
+        let rules = Rules {
+            arrival,
+            delay: self.delay,
+            may_collide: status != Status::Solved && self.claims(Capability::CollidingPlans),
+        };
+        // What a fail policy improves is its own affair, and so is what a planner does in a window,
+        // or about an objective that no capability names.
+        let asked = scene.instance();
+        let whole = asked.window_steps == 0 && asked.window_s == 0.0;
+        let comparable = !is_policy && whole && asked.objective == Objective::SumOfCosts;
+        let mut before: Option<f64> = None;
         for (plan, number) in plans.iter().zip(1..) {
             let name = match plans.len() {
                 1 => "the plan".to_owned(),
                 _ => format!("plan {number}"),
             };
-            if colliding {
-                judge::paths(scene, plan).map_err(|reason| format!("{name}: {reason}"))?;
+            let cost = scene.judge(plan, rules).map_err(|reason| {
+                let verdict = if rules.may_collide { "" } else { " is invalid" };
+                format!("{name}{verdict}: {reason}")
+            })?;
+            if rules.may_collide {
                 continue;
             }
-            let cost = judge::plan(scene, plan, arrival, self.delay)
-                .map_err(|reason| format!("{name} is invalid: {reason}"))?;
-            // What a fail policy improves is its own affair, and so is what a planner
-            // does in a window, or about an objective that no capability names.
-            let comparable =
-                !is_policy && scene.window_steps == 0 && scene.objective == Objective::SumOfCosts;
             if let Some(before) = before.filter(|_| comparable) {
                 if cost > before {
                     return Err(format!(
@@ -556,20 +661,20 @@ impl<'a> Trial<'a> {
                 if cost == before {
                     self.warn(format!(
                         "{}: {name} costs as much as the one before it",
-                        scene.name
+                        scene.name()
                     ));
                 }
             }
             before = Some(cost);
         }
-        if let (Some(cost), Some(best)) = (before, scene.best) {
-            self.figure("cost", cost as f64);
-            self.figure("best_cost", best as f64);
+        if let (Some(cost), Some(best)) = (before, scene.best()) {
+            self.figure("cost", cost);
+            self.figure("best_cost", best);
         }
         Ok(())
     }
 
-    fn note_request(&mut self, scene: &Scene, request: &Request) {
+    fn note_request(&mut self, scene: &dyn Question, request: &Request) {
         let mut last: Vec<u32> = request
             .goals
             .iter()
@@ -583,22 +688,31 @@ impl<'a> Trial<'a> {
                 "agents share goals, which planners need not support; claim `duplicate-goals`",
             );
         }
-        if request.window_steps != scene.window_steps {
+        let asked = scene.instance().window_steps;
+        if request.window_steps != asked {
             self.warn(format!(
-                "the request has a window of {} steps, asked was {}",
-                request.window_steps, scene.window_steps
+                "the request has a window of {} steps, asked was {asked}",
+                request.window_steps
             ));
         }
     }
 
     /// Makes, prepares, asks, judges and ends: what most cases are.
-    pub(crate) fn solve(&mut self, scene: &Scene) -> Step<Answer> {
+    pub(crate) fn solve(&mut self, scene: &dyn Question) -> Step<Answer> {
         self.solve_expecting(scene, Expectation::Plan, self.wall())
+    }
+
+    /// The same of a scene in every representation that the plugin claims.
+    pub(crate) fn solve_shown(&mut self, scene: &Scene) -> Step<()> {
+        for question in self.shown(scene)? {
+            self.solve(&*question)?;
+        }
+        Ok(())
     }
 
     pub(crate) fn solve_expecting(
         &mut self,
-        scene: &Scene,
+        scene: &dyn Question,
         expectation: Expectation,
         wall: Duration,
     ) -> Step<Answer> {

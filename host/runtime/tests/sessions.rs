@@ -11,8 +11,10 @@ use fleetyard_abi::sdk::{
 };
 use fleetyard_abi::{
     Assignment, Budget, Capabilities, Capability, Descriptor, Environment, FleetState, FleetStatus,
-    Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, LogLevel, Motion, Objective,
-    PathEncoding, Plan, Request, SharedEnvironment, Status, Task, c, serve,
+    Footprint, Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, Knot, KnotPlan, Lists,
+    LogLevel, Motion, Mover, Objective, Part, PathEncoding, Plan, Request, RoadmapEnvironment,
+    Robot, SharedEnvironment, State, Status, Task, View, Visit, VisitPlan, WorkspaceEnvironment, c,
+    serve,
 };
 use fleetyard_core::OFF_MAP;
 use fleetyard_runtime::{
@@ -24,10 +26,14 @@ use libtest_mimic::{Arguments, Trial};
 /// the way unseen.
 struct Echo;
 
+const DYNAMICS: &str = "fleetyard.unicycle/1";
+const PART: &str = "org.example.dust/1";
+
 /// Claims whatever a map or an instance may need.
 fn described(kind: Kind) -> Descriptor {
     Descriptor {
         capabilities: Capabilities::of(Capability::ALL),
+        features: vec![format!("dynamics:{DYNAMICS}"), format!("part:{PART}")],
         ..Descriptor::new(kind, "echo", "")
     }
 }
@@ -76,6 +82,17 @@ impl Planner for Echo {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
+        let sample = match &map.view {
+            View::Grid(_) => None,
+            View::Roadmap(_) => Some(roads()),
+            View::Workspace(_) => Some(floor()),
+        };
+        if let Some(sample) = sample {
+            assert_eq!(**map, *sample.environment);
+            assert_eq!(shown(instance), shown(&sample.instance));
+            sink.submit(&sample.plan)?;
+            return Ok(());
+        }
         assert_eq!(**map, *environment());
         sink.metric("seed", budget.seed as f64);
         sink.metric("not a number", f64::NAN);
@@ -243,6 +260,166 @@ fn instance() -> Instance {
         window_steps: 7,
         radius_m: 0.25,
         ..Instance::default()
+    }
+}
+
+/// An environment, an instance and a plan of one representation.
+struct Sample {
+    environment: SharedEnvironment,
+    instance: Instance,
+    plan: Plan,
+}
+
+/// For comparisons: NaN is not equal to itself.
+fn shown(value: &impl std::fmt::Debug) -> String {
+    format!("{value:?}")
+}
+
+fn parts() -> Vec<Part> {
+    let part = |id: &str, critical| Part {
+        id: id.into(),
+        critical,
+        data: serde_json::json!({ "level": [0.1, null, "ä"] }),
+    };
+    vec![part(PART, true), part("org.example.nobody/2", false)]
+}
+
+fn robot(footprint: Footprint, has_heading: bool) -> Robot {
+    let limits = vec![[Some(-0.1), Some(0.3)], [None, None], [Some(-1.5), None]];
+    Robot {
+        name: "ü \"robot\"".into(),
+        footprint,
+        dynamics: DYNAMICS.into(),
+        has_heading,
+        polar_state: false,
+        polar_control: has_heading,
+        state_limits: limits.clone(),
+        control_limits: limits[..2].to_vec(),
+        parameters: vec![0.7],
+    }
+}
+
+fn hall() -> WorkspaceEnvironment {
+    let triangle = vec![[0.0, 0.0], [1.0, 0.1], [0.5, 0.7]];
+    WorkspaceEnvironment {
+        min_m: [-1.0, -2.5],
+        max_m: [9.0, 1.0 / 3.0],
+        obstacles: [triangle.clone()].into_iter().collect(),
+        movers: vec![Mover {
+            footprint: Footprint {
+                radius_m: 0.9,
+                corners_m: triangle,
+            },
+            knots: vec![[0.5, 0.1, 0.2, 0.3], [1.5, 0.1, 0.7, -0.3]],
+        }],
+    }
+}
+
+fn roads() -> Sample {
+    // One edge is a way back that takes longer than its length says.
+    let edges: Lists<u32> = [vec![1, 2], vec![0], vec![]].into_iter().collect();
+    let mut roadmap = RoadmapEnvironment::straight(
+        vec![0.1, 3.0, 3.0],
+        vec![0.0, 0.2, 0.3],
+        edges,
+        0.7,
+        1.0 / 3.0,
+    );
+    roadmap.duration_s[2] += 1.0;
+    roadmap.workspace = Some(hall());
+    let mut environment = Environment::from(roadmap).named("tiny roads");
+    environment.digest = "00ff".into();
+    environment.parts = parts();
+    let visit = |vertex, arrival_s, departure_s| Visit {
+        vertex,
+        arrival_s,
+        departure_s,
+    };
+    let visits: VisitPlan = [
+        vec![visit(0, 0.0, 0.1), visit(1, 4.3, 4.3)],
+        vec![visit(2, 0.0, 0.0), visit(OFF_MAP, 1.0 / 3.0, 2.0)],
+    ]
+    .into_iter()
+    .collect();
+    Sample {
+        environment: SharedEnvironment::new(environment),
+        instance: Instance {
+            starts: vec![0, 2],
+            goals: [vec![1], vec![]].into_iter().collect(),
+            robots: vec![
+                robot(Footprint::disc(0.1), false),
+                robot(Footprint::disc(0.2), false),
+            ],
+            robot_of: vec![1, 0],
+            motion: Motion::Slower,
+            window_s: 2.5,
+            radius_m: 1.0 / 6.0,
+            parts: parts(),
+            ..Instance::default()
+        },
+        plan: visits.into(),
+    }
+}
+
+fn floor() -> Sample {
+    let mut environment = Environment::from(hall()).named("tiny floor");
+    environment.parts = parts();
+    let knot = |time_s, heading_rad| Knot {
+        time_s,
+        x_m: 0.1,
+        y_m: 0.2,
+        heading_rad,
+    };
+    let knots: KnotPlan = [
+        vec![knot(0.0, f64::NAN), knot(1.0 / 3.0, f64::NAN)],
+        vec![knot(0.0, 7.0)],
+    ]
+    .into_iter()
+    .collect();
+    let square = vec![[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]];
+    let square = Footprint {
+        radius_m: 0.3,
+        corners_m: square,
+    };
+    let goal = State(vec![0.1, f64::NAN, 0.3]);
+    Sample {
+        environment: SharedEnvironment::new(environment),
+        instance: Instance {
+            start_states: vec![State(vec![0.5, 0.6, 0.7]), State(vec![1.5, 1.6, -1.7])],
+            goal_states: [vec![], vec![goal]].into_iter().collect(),
+            robots: vec![robot(Footprint::disc(0.1), false), robot(square, true)],
+            robot_of: vec![0, 1],
+            motion: Motion::Dynamics,
+            radius_m: 0.3,
+            goal_tolerance_m: 0.05,
+            goal_tolerance_rad: 0.1,
+            parts: parts(),
+            ..Instance::default()
+        },
+        plan: knots.into(),
+    }
+}
+
+/// Whatever the representation, environments, instances and plans arrive as they were sent.
+fn representations(attach: Attach) {
+    for sample in [roads(), floor()] {
+        let mut session = open(attach, Kind::Planner);
+        session
+            .prepare(&sample.environment, &budget(0))
+            .expect("it is prepared");
+        let run = session.plan(&sample.instance, &budget(0));
+        assert_eq!((run.fault, run.claim), (None, Some(Status::Solved)));
+        let plans: Vec<_> = run.incumbents.iter().map(|one| one.plan.as_ref()).collect();
+        assert_eq!(shown(&plans), shown(&[Some(&sample.plan)]));
+        session.close();
+        let mut session = open(attach, Kind::FailPolicy);
+        session
+            .prepare(&sample.environment, &budget(0))
+            .expect("it is prepared");
+        let run = session.recover(&sample.instance, Some(&sample.plan), &budget(0));
+        assert_eq!(run.fault, None);
+        assert_eq!(shown(&run.incumbents[0].plan), shown(&Some(&sample.plan)));
+        session.close();
     }
 }
 
@@ -425,8 +602,9 @@ fn main() {
     if std::env::args().nth(1).as_deref() == Some(SERVE) {
         std::process::exit(serve::serve_stdio(catalog()));
     }
-    let cases: [(&str, Case); 4] = [
+    let cases: [(&str, Case); 5] = [
         ("planner", planner),
+        ("representations", representations),
         ("fail_policy", fail_policy),
         ("instance_generator", instance_generator),
         ("invocation_policy", invocation_policy),

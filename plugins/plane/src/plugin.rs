@@ -119,8 +119,17 @@ impl Planner for PlanePrioritised {
                 Ok(sink.submit(&knots)?)
             }
             Outcome::NoWay(agent) => {
+                let robot = instance.robot(agent);
+                let is_disc = robot.is_some_and(|robot| robot.footprint.corners_m.is_empty());
+                // Nearly at its goal it may have arrived, and lengthwise a body may pass where its
+                // disc does not.
+                let status = if is_disc && instance.goal_tolerance_m == 0.0 {
+                    Status::Infeasible
+                } else {
+                    Status::GaveUp
+                };
                 let reason = format!("no way leads agent {agent} to its goal, not even alone");
-                Err(Failure::new(Status::Infeasible, reason))
+                Err(Failure::new(status, reason))
             }
             Outcome::Stopped => Err(unsolved(true, 0)),
         }

@@ -3,9 +3,10 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{Capability, FleetStatus, GridPlan, Kind, Objective, Status};
+use fleetyard_abi::{FleetStatus, GridPlan, Kind, Objective, Plan, Status};
 use fleetyard_runtime::Closing;
 
+use crate::question::Question;
 use crate::scene::{Demand, Scene};
 use crate::trial::{Answer, Call, Expectation, Said, Step, Stop, Trial, invoke};
 
@@ -42,9 +43,7 @@ pub(crate) fn draw((name, starts, goals, best): Drawing) -> Step<Scene> {
 }
 
 fn known(trial: &mut Trial<'_>, drawing: Drawing) -> Step<()> {
-    let scene = draw(drawing)?;
-    trial.solve(&scene)?;
-    Ok(())
+    trial.solve_shown(&draw(drawing)?)
 }
 
 pub(crate) fn one_cell(trial: &mut Trial<'_>) -> Step<()> {
@@ -82,19 +81,21 @@ pub(crate) fn random_instances(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();
     for number in 1..=HOW_MANY {
         let scene = Scene::random(&format!("random {number}"), &mut random, AGENTS)?;
-        trial.solve(&scene)?;
+        trial.solve_shown(&scene)?;
     }
     Ok(())
 }
 
 /// Asks what has no answer: a fail policy finds one all the same, since it need not
 /// bring anybody to a goal.
-fn impossible(trial: &mut Trial<'_>, scene: &Scene) -> Step<()> {
+pub(crate) fn impossible(trial: &mut Trial<'_>, scene: &Scene) -> Step<()> {
     let (expectation, wall) = match trial.kind() {
         Kind::FailPolicy => (Expectation::Plan, trial.wall()),
         _ => (Expectation::NoPlan, trial.config().slice()),
     };
-    trial.solve_expecting(scene, expectation, wall)?;
+    for question in trial.shown(scene)? {
+        trial.solve_expecting(&*question, expectation, wall)?;
+    }
     Ok(())
 }
 
@@ -127,7 +128,8 @@ pub(crate) fn figures(trial: &mut Trial<'_>) -> Step<()> {
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
     trial.judge(&scene, &answer, Expectation::Perhaps)?;
     let claimed = |name: &str| answer.figures.get(name).copied();
-    let costs = || answer.plans().iter().map(GridPlan::sum_of_costs);
+    let cells = || answer.plans().iter().filter_map(Plan::cells);
+    let costs = || cells().map(GridPlan::sum_of_costs);
     if let (Some(bound), Some(best)) = (claimed("lower_bound"), costs().min())
         && bound > best as f64
     {
@@ -147,15 +149,16 @@ pub(crate) fn figures(trial: &mut Trial<'_>) -> Step<()> {
 }
 
 pub(crate) fn node_limit(trial: &mut Trial<'_>) -> Step<()> {
-    let scene = draw(PASSING_BAY)?;
-    let mut session = trial.ready(&scene)?;
-    let call = Call {
-        nodes: 1,
-        ..Call::of(trial.wall())
-    };
-    let answer = trial.ask(&mut session, &scene, &call)?;
-    trial.judge(&scene, &answer, Expectation::Perhaps)?;
-    trial.close(session);
+    for question in trial.shown(&draw(PASSING_BAY)?)? {
+        let mut session = trial.ready(&*question)?;
+        let call = Call {
+            nodes: 1,
+            ..Call::of(trial.wall())
+        };
+        let answer = trial.ask(&mut session, &*question, &call)?;
+        trial.judge(&*question, &answer, Expectation::Perhaps)?;
+        trial.close(session);
+    }
     Ok(())
 }
 
@@ -243,25 +246,23 @@ pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
     Ok(())
 }
 
-/// An input for a plugin of any kind, with an answer that any should find.
-pub(crate) fn small(trial: &Trial<'_>) -> Step<Scene> {
-    let mut random = trial.random();
-    let mut scene = Scene::open("open", 8, 6, &mut random)?;
-    if !trial.claims(Capability::Pebble) {
-        scene = if trial.claims(Capability::AnyAngle) {
-            scene.straight()
-        } else {
-            scene.turning()
-        };
-    }
-    Ok(scene)
+/// A scene for a plugin of any kind, with an answer that any should find.
+pub(crate) fn easy(trial: &Trial<'_>) -> Step<Scene> {
+    Scene::open("open", 8, 6, &mut trial.random())
+}
+
+/// The same as the plugin is to be asked.
+pub(crate) fn small(trial: &Trial<'_>) -> Step<Box<dyn Question>> {
+    let scene = easy(trial)?;
+    // There is at least one.
+    Ok(trial.any_representation()[0].of(&scene))
 }
 
 /// Makes a plugin do its work once, and ends it.
 pub(crate) fn work(trial: &mut Trial<'_>) -> Step<Closing> {
     let scene = small(trial)?;
-    let mut session = trial.ready(&scene)?;
-    trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    let mut session = trial.ready(&*scene)?;
+    trial.ask(&mut session, &*scene, &Call::of(trial.wall()))?;
     Ok(trial.close(session))
 }
 

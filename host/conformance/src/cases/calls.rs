@@ -3,15 +3,16 @@
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Capability, Kind};
-use fleetyard_runtime::{Fault, Usage};
+use fleetyard_runtime::{Fault, Session, Usage};
 
-use super::answers::{at_least, small};
+use super::answers::{at_least, easy, small};
 use crate::kit::milliseconds;
+use crate::question::Question;
 use crate::scene::Scene;
 use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
 
 pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
-    let scene = small(trial)?;
+    let scene = easy(trial)?;
     let mut other = scene.clone();
     other.name = "the way back".into();
     for (start, goals) in other.starts.iter_mut().zip(&mut other.goals) {
@@ -19,19 +20,24 @@ pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
             std::mem::swap(start, goal);
         }
     }
-    let mut session = trial.ready(&scene)?;
-    let mut answers = Vec::new();
-    for asked in [&scene, &other, &scene] {
-        let answer = trial.ask(&mut session, asked, &Call::of(trial.wall()))?;
-        trial.judge(asked, &answer, Expectation::Plan)?;
-        answers.push(answer);
-    }
-    trial.close(session);
-    // A generator may remember what it gave out, and a policy what it was told.
-    let plans = !answers[0].plans().is_empty();
-    if plans && trial.claims(Capability::Deterministic) {
-        same(&answers[0], &answers[2])
-            .map_err(|reason| Stop::Failed(format!("asked the same in one session, {reason}")))?;
+    for representation in trial.any_representation() {
+        let (there, back) = (representation.of(&scene), representation.of(&other));
+        let mut session = trial.ready(&*there)?;
+        let mut answers = Vec::new();
+        for asked in [&there, &back, &there] {
+            let answer = trial.ask(&mut session, &**asked, &Call::of(trial.wall()))?;
+            trial.judge(&**asked, &answer, Expectation::Plan)?;
+            answers.push(answer);
+        }
+        trial.close(session);
+        // A generator may remember what it gave out, and a policy what it was told.
+        let plans = !answers[0].plans().is_empty();
+        if plans && trial.claims(Capability::Deterministic) {
+            same(&answers[0], &answers[2]).map_err(|reason| {
+                let name = there.name();
+                Stop::Failed(format!("{name}: asked the same in one session, {reason}"))
+            })?;
+        }
     }
     Ok(())
 }
@@ -41,12 +47,17 @@ pub(crate) fn other_map(trial: &mut Trial<'_>) -> Step<()> {
     let first = Scene::open("first map", 8, 6, &mut random)?;
     let smaller = Scene::open("smaller map", 4, 3, &mut random)?;
     let larger = Scene::open("larger map", 15, 20, &mut random)?;
+    let representations = trial.representations()?;
     let mut session = trial.open()?;
     trial.create(&mut session)?;
     for scene in [&first, &smaller, &larger, &first] {
-        trial.prepare(&mut session, scene)?;
-        let answer = trial.ask(&mut session, scene, &Call::of(trial.wall()))?;
-        trial.judge(scene, &answer, Expectation::Plan)?;
+        // From one representation to the other as well.
+        for representation in &representations {
+            let question = representation.of(scene);
+            trial.prepare(&mut session, &*question)?;
+            let answer = trial.ask(&mut session, &*question, &Call::of(trial.wall()))?;
+            trial.judge(&*question, &answer, Expectation::Plan)?;
+        }
     }
     trial.close(session);
     Ok(())
@@ -57,9 +68,9 @@ pub(crate) fn made_again(trial: &mut Trial<'_>) -> Step<()> {
     let mut session = trial.open()?;
     for _ in 0..3 {
         trial.create(&mut session)?;
-        trial.prepare(&mut session, &scene)?;
-        let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-        trial.judge(&scene, &answer, Expectation::Plan)?;
+        trial.prepare(&mut session, &*scene)?;
+        let answer = trial.ask(&mut session, &*scene, &Call::of(trial.wall()))?;
+        trial.judge(&*scene, &answer, Expectation::Plan)?;
     }
     trial.close(session);
     Ok(())
@@ -83,35 +94,40 @@ pub(crate) fn bad_input(trial: &mut Trial<'_>) -> Step<()> {
             scene.starts[1] = scene.starts[0];
         }),
     ];
-    let mut session = trial.ready(&good)?;
-    for scene in bad {
-        let answer = trial.ask(&mut session, &scene, &Call::of(trial.config().slice()))?;
-        trial.judge(&scene, &answer, Expectation::Survival)?;
-        let answer = trial.ask(&mut session, &good, &Call::of(trial.wall()))?;
-        trial.judge(&good, &answer, Expectation::Plan)?;
+    for representation in trial.representations()? {
+        let good = representation.of(&good);
+        let mut session = trial.ready(&*good)?;
+        for scene in &bad {
+            let bad = representation.of(scene);
+            let answer = trial.ask(&mut session, &*bad, &Call::of(trial.config().slice()))?;
+            trial.judge(&*bad, &answer, Expectation::Survival)?;
+            let answer = trial.ask(&mut session, &*good, &Call::of(trial.wall()))?;
+            trial.judge(&*good, &answer, Expectation::Plan)?;
+        }
+        trial.close(session);
     }
-    trial.close(session);
     Ok(())
 }
 
 pub(crate) fn deadline(trial: &mut Trial<'_>) -> Step<()> {
-    let scene = Scene::jam(&mut trial.random())?;
-    let mut session = trial.ready(&scene)?;
     let wall = at_least(trial.config().slice(), 100);
-    let answer = trial.ask(&mut session, &scene, &Call::of(wall))?;
-    trial.figure("budget_ms", milliseconds(wall));
-    trial.figure("returned_ms", milliseconds(answer.wall));
-    note_lateness(trial, answer.late);
     // What came in time has to be right all the same.
     let expectation = if trial.kind() == Kind::Planner {
         Expectation::NoPlan
     } else {
         Expectation::Perhaps
     };
-    if trial.kind() != Kind::InstanceGenerator {
-        trial.judge(&scene, &answer, expectation)?;
+    for jam in trial.shown(&Scene::jam(&mut trial.random())?)? {
+        let mut session = trial.ready(&*jam)?;
+        let answer = trial.ask(&mut session, &*jam, &Call::of(wall))?;
+        trial.figure("budget_ms", milliseconds(wall));
+        trial.figure("returned_ms", milliseconds(answer.wall));
+        note_lateness(trial, answer.late);
+        if trial.kind() != Kind::InstanceGenerator {
+            trial.judge(&*jam, &answer, expectation)?;
+        }
+        trial.close(session);
     }
-    trial.close(session);
     Ok(())
 }
 
@@ -126,44 +142,51 @@ fn note_lateness(trial: &mut Trial<'_>, late: Duration) {
 }
 
 pub(crate) fn cancelled(trial: &mut Trial<'_>) -> Step<()> {
-    let jam = Scene::jam(&mut trial.random())?;
-    let mut session = trial.ready(&jam)?;
-    // Over before it has begun: the plugin is cancelled while it reads the request.
-    let answer = trial.ask(&mut session, &jam, &Call::of(Duration::from_nanos(1)))?;
-    note_lateness(trial, answer.late);
-    let scene = small(trial)?;
-    trial.prepare(&mut session, &scene)?;
-    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    trial.judge(&scene, &answer, Expectation::Plan)?;
-    trial.close(session);
+    let (jam, scene) = (Scene::jam(&mut trial.random())?, easy(trial)?);
+    for representation in trial.representations()? {
+        let jam = representation.of(&jam);
+        let mut session = trial.ready(&*jam)?;
+        // Over before it has begun: the plugin is cancelled while it reads the request.
+        let answer = trial.ask(&mut session, &*jam, &Call::of(Duration::from_nanos(1)))?;
+        note_lateness(trial, answer.late);
+        solve_next(trial, &mut session, &*representation.of(&scene))?;
+        trial.close(session);
+    }
     Ok(())
 }
 
+/// Asks in a session that has been used.
+fn solve_next(trial: &mut Trial<'_>, session: &mut Session, question: &dyn Question) -> Step<()> {
+    trial.prepare(session, question)?;
+    let answer = trial.ask(session, question, &Call::of(trial.wall()))?;
+    trial.judge(question, &answer, Expectation::Plan)
+}
+
 pub(crate) fn prepare_deadline(trial: &mut Trial<'_>) -> Step<()> {
-    let scene = Scene::large(&mut trial.random())?;
-    let mut session = trial.open()?;
-    trial.create(&mut session)?;
-    let wall = Duration::from_millis(1);
-    let started = Instant::now();
-    let prepared = session.prepare(&scene.environment()?, &trial.budget(&Call::of(wall)));
-    let late = started.elapsed().saturating_sub(wall);
-    match prepared {
-        // It may have learned the map, or say that it could not.
-        Ok(_) | Err(Fault::Reported { .. }) => {}
-        Err(fault) => return Err(fault.into()),
+    let (large, scene) = (Scene::large(&mut trial.random())?, easy(trial)?);
+    for representation in trial.representations()? {
+        let environment = representation.of(&large).environment()?;
+        let mut session = trial.open()?;
+        trial.create(&mut session)?;
+        let wall = Duration::from_millis(1);
+        let started = Instant::now();
+        let prepared = session.prepare(&environment, &trial.budget(&Call::of(wall)));
+        let late = started.elapsed().saturating_sub(wall);
+        match prepared {
+            // It may have learned the map, or say that it could not.
+            Ok(_) | Err(Fault::Reported { .. }) => {}
+            Err(fault) => return Err(fault.into()),
+        }
+        if late > trial.config().grace {
+            return Err(Stop::Failed(format!(
+                "`prepare` returned {:.0} ms after its deadline",
+                milliseconds(late)
+            )));
+        }
+        note_lateness(trial, late);
+        solve_next(trial, &mut session, &*representation.of(&scene))?;
+        trial.close(session);
     }
-    if late > trial.config().grace {
-        return Err(Stop::Failed(format!(
-            "`prepare` returned {:.0} ms after its deadline",
-            milliseconds(late)
-        )));
-    }
-    note_lateness(trial, late);
-    let scene = small(trial)?;
-    trial.prepare(&mut session, &scene)?;
-    let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
-    trial.judge(&scene, &answer, Expectation::Plan)?;
-    trial.close(session);
     Ok(())
 }
 
@@ -180,7 +203,7 @@ struct Used {
 }
 
 /// Makes some calls in a session of their own.
-fn used(trial: &mut Trial<'_>, scene: &Scene, call: &Call<'_>, calls: usize) -> Step<Used> {
+fn used(trial: &mut Trial<'_>, scene: &dyn Question, call: &Call<'_>, calls: usize) -> Step<Used> {
     let mut session = trial.ready(scene)?;
     let mut wall = Duration::ZERO;
     for _ in 0..calls {
@@ -212,15 +235,15 @@ pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
         Call::of(trial.wall())
     };
     let started = Instant::now();
-    let mut session = trial.ready(&scene)?;
+    let mut session = trial.ready(&*scene)?;
     let ready = started.elapsed();
-    trial.ask(&mut session, &scene, &call)?;
+    trial.ask(&mut session, &*scene, &call)?;
     let one = started.elapsed().saturating_sub(ready);
     trial.close(session);
     let fitting = WHOLE.as_secs_f64() / (5.0 * one.as_secs_f64().max(1e-6));
     let calls = fitting.clamp(3.0, 20.0) as usize;
-    let few = used(trial, &scene, &call, calls)?.memory_kb;
-    let many = used(trial, &scene, &call, 4 * calls)?.memory_kb;
+    let few = used(trial, &*scene, &call, calls)?.memory_kb;
+    let many = used(trial, &*scene, &call, 4 * calls)?.memory_kb;
     trial.figure("calls", calls as f64);
     trial.figure("memory_mib", few as f64 / MIB as f64);
     trial.figure("memory_of_four_times_mib", many as f64 / MIB as f64);
@@ -239,15 +262,16 @@ pub(crate) fn thread_limit(trial: &mut Trial<'_>) -> Step<()> {
     if trial.is_in_process() {
         return Err(not_measured());
     }
-    let scene = if trial.claims(Capability::Pebble) {
-        Scene::jam(&mut trial.random())?
-    } else {
-        small(trial)?
+    let jam = Scene::jam(&mut trial.random())?;
+    let shown = trial.shown(&jam).unwrap_or_default().into_iter().next();
+    let scene = match shown {
+        Some(jam) => jam,
+        None => small(trial)?,
     };
     let call = Call::of(at_least(trial.config().slice() * 2, 500));
     // Starting, and learning the map, are no matter of this budget.
-    let idle = used(trial, &scene, &call, 0)?;
-    let Used { cpu, wall, .. } = used(trial, &scene, &call, 1)?;
+    let idle = used(trial, &*scene, &call, 0)?;
+    let Used { cpu, wall, .. } = used(trial, &*scene, &call, 1)?;
     let spent = cpu.saturating_sub(idle.cpu);
     trial.figure("cpu_ms", milliseconds(spent));
     trial.figure("wall_ms", milliseconds(wall));

@@ -4,9 +4,10 @@ use fleetyard_abi::{Capability, Status};
 use fleetyard_core::Connectivity;
 use serde_json::{Map, json};
 
-use super::answers::{CORRIDOR, CROSSING, FOLLOWING, WALL, at_least, draw};
+use super::answers::{CORRIDOR, CROSSING, Drawing, FOLLOWING, WALL, at_least, draw, impossible};
+use super::places::{two_bodies, two_gaps};
 use crate::judge::Arrival;
-use crate::scene::Scene;
+use crate::scene::{RADIUS_M, Scene};
 use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
 
 pub(crate) fn eight_connected(trial: &mut Trial<'_>) -> Step<()> {
@@ -178,10 +179,76 @@ pub(crate) fn threads(trial: &mut Trial<'_>) -> Step<()> {
     Ok(())
 }
 
-pub(crate) fn not_here(_: &mut Trial<'_>) -> Step<()> {
-    Err(Stop::Skipped(
-        "this host has no such representation to ask about".into(),
-    ))
+/// A street round the block.
+const ROUND: &[&str] = &["v<<<<<", ">>>>>^"];
+
+/// Drawings of one-way streets, by arrows, and who is on them.
+const ONE_WAY: [(&[&str], Drawing); 3] = [
+    (
+        ROUND,
+        (
+            "round the block",
+            &["a.....", "......"],
+            &[".a....", "......"],
+            11,
+        ),
+    ),
+    (
+        ROUND,
+        (
+            "one after the other",
+            &[".....a", "b....."],
+            &[".....b", "a....."],
+            12,
+        ),
+    ),
+    (
+        &["..>..", ".@.@.", "..<.."],
+        (
+            "there and back",
+            &["a....", ".@.@.", "....b"],
+            &["b....", ".@.@.", "....a"],
+            12,
+        ),
+    ),
+];
+
+/// One agent who would be there at once if the street were not one-way.
+pub(crate) fn round_the_block() -> Step<Scene> {
+    let (arrows, drawing) = ONE_WAY[0];
+    draw(drawing)?.one_way(arrows)
+}
+
+pub(crate) fn move_mask(trial: &mut Trial<'_>) -> Step<()> {
+    for (arrows, drawing) in ONE_WAY {
+        trial.solve(&draw(drawing)?.one_way(arrows)?)?;
+    }
+    let against = Scene::drawn("against the arrows", &["a..."], &["...a"])?;
+    impossible(trial, &against.one_way(&["<<<<"])?)
+}
+
+pub(crate) fn idle_agents(trial: &mut Trial<'_>) -> Step<()> {
+    // The second agent stands in the way, beside a bay.
+    let mut in_the_way = Scene::drawn("in-the-way", &["a.b..", "@@.@@"], &["..b.a", "@@.@@"])?;
+    in_the_way.goals[1].clear();
+    let mut nobody = in_the_way.clone();
+    nobody.name = "nobody has a goal".into();
+    nobody.goals[0].clear();
+    for scene in [in_the_way, nobody] {
+        trial.solve_shown(&scene)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn heterogeneous(trial: &mut Trial<'_>) -> Step<()> {
+    let mut scene = draw(CROSSING)?;
+    scene.radii_m = vec![RADIUS_M, RADIUS_M / 2.0];
+    trial.solve_shown(&scene)?;
+    if trial.claims(Capability::Continuous) {
+        trial.solve(&two_gaps())?;
+        trial.solve(&two_bodies())?;
+    }
+    Ok(())
 }
 
 pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
@@ -192,16 +259,20 @@ pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
         Scene::open("open", 8, 8, &mut random)?,
         Scene::random("random", &mut random, 8)?,
     ];
-    for scene in scenes {
+    let mut questions = Vec::new();
+    for scene in &scenes {
+        questions.extend(trial.shown(scene)?);
+    }
+    for question in questions {
         let mut answers = Vec::new();
         for _ in 0..2 {
-            let mut session = trial.ready(&scene)?;
+            let mut session = trial.ready(&*question)?;
             let call = Call {
                 nodes: NODES,
                 ..Call::of(trial.wall())
             };
-            let answer = trial.ask(&mut session, &scene, &call)?;
-            trial.judge(&scene, &answer, Expectation::Perhaps)?;
+            let answer = trial.ask(&mut session, &*question, &call)?;
+            trial.judge(&*question, &answer, Expectation::Perhaps)?;
             trial.close(session);
             answers.push(answer);
         }
@@ -209,7 +280,7 @@ pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
             trial.figure("first_plans_only", 1.0);
         }
         same(&answers[0], &answers[1])
-            .map_err(|reason| Stop::Failed(format!("{}: {reason}", scene.name)))?;
+            .map_err(|reason| Stop::Failed(format!("{}: {reason}", question.name())))?;
     }
     Ok(())
 }

@@ -3,6 +3,8 @@
 mod answers;
 mod calls;
 mod claims;
+mod contract;
+mod places;
 mod start;
 
 use fleetyard_abi::{Capability, Kind};
@@ -103,35 +105,35 @@ cases! {
     "called in the host's process it leaves arithmetic, signals, files and limits as they were",
     start::host_process;
 
-    "one-cell", PLANS, PEBBLES,
+    "one-cell", PLANS, NOTHING,
     "a map of one cell and an agent that is there",
     answers::one_cell;
-    "one-agent", PLANS, PEBBLES,
+    "one-agent", PLANS, NOTHING,
     "one agent in an empty corridor, and one on a way round a wall",
     answers::one_agent;
-    "arrived", PLANS, PEBBLES,
+    "arrived", PLANS, NOTHING,
     "everybody is at the goal: nothing to do",
     answers::arrived;
-    "following", PLANS, PEBBLES,
+    "following", PLANS, NOTHING,
     "a row of agents moves up a corridor, each into the cell that another one leaves",
     answers::following;
-    "cycle", PLANS, PEBBLES,
+    "cycle", PLANS, NOTHING,
     "four agents on four cells move round",
     answers::cycle;
-    "crossing", MAPS, PEBBLES,
+    "crossing", MAPS, NOTHING,
     "two ways cross in the open: one of two has to wait or go round",
     answers::crossing;
-    "passing-bay", PLANS, PEBBLES,
+    "passing-bay", PLANS, NOTHING,
     "two agents meet in a corridor with a bay",
     answers::passing_bay;
-    "random-instances", MAPS, PEBBLES,
+    "random-instances", MAPS, NOTHING,
     "instances from the seed, on empty, random, room and maze maps, each with a plan that the \
      kit knows",
     answers::random_instances;
-    "no-room", PLANS, PEBBLES,
+    "no-room", PLANS, NOTHING,
     "two agents have to change places where they cannot: no plan must be claimed",
     answers::no_room;
-    "unreachable-goal", PLANS, PEBBLES,
+    "unreachable-goal", PLANS, NOTHING,
     "a goal behind a wall: no plan must be claimed",
     answers::unreachable_goal;
     "makespan", PLANNER, PEBBLES,
@@ -140,7 +142,7 @@ cases! {
     "figures", PLANNER, PEBBLES,
     "figures that it reports of itself are what they may be, and none contradicts its plan",
     answers::figures;
-    "node-limit", PLANNER, PEBBLES,
+    "node-limit", PLANNER, NOTHING,
     "a limit of one node: a valid plan or none, and no harm",
     answers::node_limit;
     "failed-plan", POLICY, PEBBLES,
@@ -183,37 +185,81 @@ cases! {
     "threads", MAPS, &[Capability::Grid, Capability::Pebble, Capability::Threads],
     "two threads are allowed, and the answer is as valid",
     claims::threads;
-    "roadmap", MAPS, &[Capability::Roadmap],
-    "plans on roadmaps",
-    claims::not_here;
-    "continuous", MAPS, &[Capability::Continuous],
-    "plans in continuous space",
-    claims::not_here;
-    "deterministic", MAPS, &[Capability::Grid, Capability::Pebble, Capability::Deterministic],
+    "move-mask", PLANS, &[Capability::Grid, Capability::Pebble, Capability::MoveMask],
+    "one-way streets: round the block rather than against the arrows, and no plan where none leads",
+    claims::move_mask;
+    "idle-agents", PLANS, &[Capability::Idle],
+    "agents without a goal, one of them in the way of another one: it makes room",
+    claims::idle_agents;
+    "heterogeneous", PLANNER, &[Capability::Heterogeneous],
+    "discs of two sizes in one team, a gap that only the smaller one fits through, and a disc \
+     beside a rectangle",
+    claims::heterogeneous;
+    "roadmap-one", PLANNER, &[Capability::Roadmap],
+    "one robot on a roadmap: the shortest way by length, and edges that lead one way",
+    places::roadmap_one;
+    "roadmap-crossing", PLANNER, &[Capability::Roadmap],
+    "two edges that cross without a vertex: one of two robots has to wait",
+    places::roadmap_crossing;
+    "roadmap-near", PLANNER, &[Capability::Roadmap],
+    "vertices nearer than the separation: nobody passes one while somebody is at the other",
+    places::roadmap_near;
+    "stop-go", PLANNER, &[Capability::Roadmap, Capability::StopGo],
+    "edges take the time that they take at full speed, no less and no more",
+    places::stop_go;
+    "slower", PLANNER, &[Capability::Roadmap, Capability::Slower],
+    "edges take the time that they take at full speed, or more",
+    places::slower;
+    "workspace-one", PLANNER, &[Capability::Continuous],
+    "one disc in the plane: straight on, round a block, and no plan through a wall",
+    places::workspace_one;
+    "workspace-gap", PLANNER, &[Capability::Continuous],
+    "a gap that a disc just fits through, and one that a rectangle fits through lengthwise",
+    places::workspace_gap;
+    "workspace-mover", PLANNER, &[Capability::Continuous],
+    "an obstacle that moves across the way",
+    places::workspace_mover;
+    "dynamics", PLANNER, &[Capability::Continuous, Capability::Dynamics],
+    "discs that keep to their speed",
+    places::dynamics;
+    "deterministic", MAPS, &[Capability::Deterministic],
     "two fresh starts, the same question and seed: the same answer",
     claims::deterministic;
+
+    "unknown-part", MAPS, NOTHING,
+    "a part that it does not know on map and input: the answer is as without it",
+    contract::unknown_part;
+    "critical-part", MAPS, NOTHING,
+    "a critical part that it does not know: `unsupported`, with the name of the part",
+    contract::critical_part;
+    "other-representation", MAPS, NOTHING,
+    "a map of a representation that it does not claim: `unsupported`",
+    contract::other_representation;
+    "seed-53", MAPS, NOTHING,
+    "the largest seed, 2^53 - 1",
+    contract::seed_53;
 
     "repeated-calls", ALL, NOTHING,
     "the same question again in one session, another one in between",
     calls::repeated_calls;
-    "other-map", MAPS, PEBBLES,
+    "other-map", MAPS, NOTHING,
     "a smaller map, a larger one and the first again in one session",
     calls::other_map;
     "made-again", ALL, NOTHING,
     "a second object in one session, after the first has worked",
     calls::made_again;
-    "bad-input", MAPS, PEBBLES,
+    "bad-input", MAPS, NOTHING,
     "starts and goals on obstacles, two agents in one cell: some status, and the next question \
      is answered as if nothing had been",
     calls::bad_input;
-    "deadline", MAPS, PEBBLES,
+    "deadline", MAPS, NOTHING,
     "what nobody can finish: returns when the budget ends, or within the grace",
     calls::deadline;
-    "cancelled", MAPS, PEBBLES,
+    "cancelled", MAPS, NOTHING,
     "a call that is cancelled when it begins returns within the grace, and the next one is \
      answered",
     calls::cancelled;
-    "prepare-deadline", MAPS, PEBBLES,
+    "prepare-deadline", MAPS, NOTHING,
     "a large map and no time to learn it: returns within the grace",
     calls::prepare_deadline;
     "memory-growth", ALL, NOTHING,

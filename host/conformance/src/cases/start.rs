@@ -112,6 +112,8 @@ fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
     let needs_one = [
         (C::EightConnected, &[C::Grid][..]),
         (C::Grid, &[C::Pebble, C::Rotation, C::AnyAngle]),
+        (C::Roadmap, &[C::StopGo, C::Slower]),
+        (C::Continuous, &[C::Dynamics]),
     ];
     let pairs = needs_one
         .into_iter()
@@ -275,8 +277,8 @@ pub(crate) fn output(trial: &mut Trial<'_>) -> Step<()> {
 
 pub(crate) fn ending(trial: &mut Trial<'_>) -> Step<()> {
     let scene = answers::small(trial)?;
-    let mut session = trial.ready(&scene)?;
-    trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
+    let mut session = trial.ready(&*scene)?;
+    trial.ask(&mut session, &*scene, &Call::of(trial.wall()))?;
     let started = Instant::now();
     let closing = trial.close(session);
     let taken = started.elapsed();

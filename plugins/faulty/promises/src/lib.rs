@@ -5,11 +5,13 @@
 //! Those that break the protocol, crash or take what they are not given are in the
 //! folder above.
 //!
-//! The planner claims whatever grids allow. With `none` it keeps all of it: everybody
+//! The planner `promising` claims whatever grids allow. With `none` it keeps all of it: everybody
 //! goes at once if nobody meets anybody, else one agent after the other while all
-//! others stand; who turns, takes time for it.
+//! others stand; who turns, takes time for it. `promising-roads` and `promising-plane` plan on
+//! roadmaps and in the plane.
 
 mod others;
+mod places;
 mod planner;
 
 use fleetyard_abi::sdk::{Failure, Options, options_schema};
@@ -19,7 +21,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 fleetyard_abi::export! {
-    planners: [planner::Planner, others::TwoFaces, others::BadDefault, others::Contradiction],
+    planners: [
+        planner::Planner,
+        places::Roads,
+        places::Plane,
+        others::TwoFaces,
+        others::BadDefault,
+        others::Contradiction,
+        others::AllKnowing,
+    ],
     fail_policies: [others::Policy],
     instance_generators: [others::Generator],
     invocation_policies: [others::Invocation],
@@ -49,6 +59,11 @@ enum Mistake {
     ThroughWalls,
     NoMakespan,
     LimitedByNodesLies,
+    TooFast,
+    JumpsEdges,
+    OtherForm,
+    NanTimes,
+    IgnoresMovers,
     // What it claims.
     CutsCorners,
     SeesThroughWalls,
@@ -60,6 +75,8 @@ enum Mistake {
     TooTight,
     OneThreadOnly,
     Unseeded,
+    IgnoresArrows,
+    IdleAgentBlocks,
     // Calls.
     OldAnswer,
     OldMap,
@@ -69,6 +86,8 @@ enum Mistake {
     SlowPrepare,
     Leaks,
     SpinsThreads,
+    RefusesParts,
+    ShortSeeds,
     // Other kinds.
     ReturnsFailedPlan,
     NeedsFailedPlan,

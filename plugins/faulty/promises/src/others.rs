@@ -1,6 +1,7 @@
 //! The other kinds, and planners whose description alone is wrong.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
@@ -161,6 +162,40 @@ impl InvocationPolicy for Invocation {
         let left: BTreeSet<u32> = status.actions_left.iter().copied().collect();
         let idle = left == BTreeSet::from([0]);
         Ok(self.0 != Mistake::NeverCalls && (idle || status.since_last_call_s >= 5.0))
+    }
+}
+
+/// Knows every representation and every part, which it does not say before it is made.
+pub(crate) struct AllKnowing;
+
+static MADE: AtomicBool = AtomicBool::new(false);
+
+impl Plugin for AllKnowing {
+    fn descriptor() -> Descriptor {
+        if !MADE.load(Ordering::Relaxed) {
+            return described("all-knowing", PEBBLES);
+        }
+        Descriptor {
+            features: vec!["part:org.example.conformance/1".into()],
+            ..described("all-knowing", Capability::ALL)
+        }
+    }
+
+    fn create(_: Options<'_>) -> Result<Self, Failure> {
+        MADE.store(true, Ordering::Relaxed);
+        Ok(Self)
+    }
+}
+
+impl Planner for AllKnowing {
+    type Map = ();
+
+    fn prepare(&mut self, _: &SharedEnvironment, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn plan(&mut self, (): &mut (), _: &Instance, _: &Budget, _: &dyn Sink) -> Result<(), Failure> {
+        Err(Failure::new(Status::GaveUp, "it knows, but does not tell"))
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::sdk::{self, Failure, Options, Plugin, Sink};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, GridPlan, Heading, Instance, Kind, LogLevel,
-    Motion, Objective, SharedEnvironment, Status, monotonic_ns,
+    Motion, Objective, SharedEnvironment, Status, c, monotonic_ns,
 };
 
 use crate::{Choice, Mistake};
@@ -27,6 +27,8 @@ pub(crate) struct Planner {
 struct Map {
     cols: u32,
     passable: Vec<bool>,
+    /// Masks of moves.
+    moves: Vec<u8>,
     diagonal: bool,
 }
 
@@ -51,7 +53,15 @@ impl Map {
             let inside = row >= 1 && col >= 1 && row <= rows && col <= cols;
             if inside && (diagonal || !is_diagonal) {
                 let to = (row - 1) * cols + col - 1;
-                if walls || self.passable[to as usize] {
+                let one_way = match (rows_on, cols_on) {
+                    (0, 1) => c::MOVE_NORTH,
+                    (1, 2) => c::MOVE_EAST,
+                    (2, 1) => c::MOVE_SOUTH,
+                    (1, 0) => c::MOVE_WEST,
+                    _ => u8::MAX,
+                };
+                let open = self.passable[to as usize] && self.moves[cell as usize] & one_way != 0;
+                if walls || open {
                     near.push(to);
                 }
             }
@@ -94,11 +104,9 @@ impl Plugin for Planner {
                 claim,
                 Capability::Roadmap
                     | Capability::Continuous
-                    | Capability::MoveMask
                     | Capability::StopGo
                     | Capability::Slower
                     | Capability::Dynamics
-                    | Capability::Idle
                     | Capability::Heterogeneous
             )
         });
@@ -150,12 +158,19 @@ impl sdk::Planner for Planner {
             Mistake::NoOneCell if grid.passable.len() == 1 => {
                 return Err(Failure::new(Status::Unsupported, "too small"));
             }
+            Mistake::RefusesParts if !environment.parts.is_empty() => {
+                return Err(Failure::new(Status::InvalidInput, "what is this?"));
+            }
             _ => {}
         }
         self.prepared = true;
         self.map = Map {
             cols: grid.cols,
             passable: grid.passable.iter().map(|free| *free != 0).collect(),
+            moves: match self.choice.mistake {
+                Mistake::IgnoresArrows => vec![u8::MAX; grid.passable.len()],
+                _ => grid.moves.clone(),
+            },
             diagonal: grid.connectivity == 8 && self.choice.mistake == Mistake::CutsCorners,
         };
         Ok(())
@@ -275,6 +290,9 @@ impl Planner {
             Mistake::NoMakespan if instance.objective == Objective::Makespan => {
                 return failed(Status::Infeasible, "not by makespan");
             }
+            Mistake::ShortSeeds if budget.seed > u32::MAX.into() => {
+                return failed(Status::InternalError, "so large a seed");
+            }
             Mistake::OneThreadOnly if budget.threads > 1 => {
                 return failed(Status::InternalError, "too many threads");
             }
@@ -367,6 +385,12 @@ impl Planner {
                 .filter(|other| other.last() == Some(&goal));
             if mistake == Mistake::ParksTogether && shared.count() > 1 {
                 standing.remove(&goal);
+            }
+            if mistake == Mistake::IdleAgentBlocks {
+                let idle = (0..instance.agents()).filter(|other| instance.goals[*other].is_empty());
+                for other in idle {
+                    standing.remove(&walk.now()[other]);
+                }
             }
             let nobody = BTreeSet::new();
             if self.map.way(at, goal, &nobody, false).is_none() {

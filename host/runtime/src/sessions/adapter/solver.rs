@@ -12,7 +12,7 @@ use std::time::Duration;
 use fleetyard_abi::object::{Planner, Prepare};
 use fleetyard_abi::sdk::{Failure, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Environment, GridEnvironment, GridPlan, Instance, LogLevel, Motion,
+    Budget, Capability, Environment, GridEnvironment, GridPlan, Instance, LogLevel, Motion, Part,
     SharedEnvironment, Status, monotonic_ns,
 };
 use fleetyard_core::formats::{
@@ -167,12 +167,24 @@ impl Solver {
         Failure::new(Status::Unsupported, format!("{id} {what}"))
     }
 
+    /// Refuses parts that have to be understood: solvers are not told of any.
+    fn refuse_critical(&self, parts: &[Part]) -> Result<(), Failure> {
+        match parts.iter().find(|part| part.critical) {
+            Some(part) => {
+                let what = format!("does not know the critical part `{}`", part.id);
+                Err(self.unsupported(&what))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Refuses what solvers were not written for: they would not notice, or crash.
     fn check(&self, instance: &Instance, grid: &GridEnvironment) -> Result<(), Failure> {
         let invalid = |reason: String| Err(Failure::new(Status::InvalidInput, reason));
         if let Err(reason) = instance.check(Some(grid.passable.len())) {
             return invalid(reason);
         }
+        self.refuse_critical(&instance.parts)?;
         if instance.motion != Motion::Pebble {
             return Err(self.unsupported("does not plan rotations"));
         }
@@ -466,6 +478,7 @@ impl Prepare for Solver {
         _: &dyn Sink,
     ) -> Result<(), Failure> {
         self.environment = None;
+        self.refuse_critical(&environment.parts)?;
         let manifest = &self.installed.manifest;
         let Some(grid) = environment.grid().filter(|grid| grid.is_plain()) else {
             return Err(self.unsupported("plans on grids without one-way moves"));

@@ -1,0 +1,390 @@
+//! Scenes in the plane.
+
+use fleetyard_abi::{
+    Environment, Footprint, Instance, KnotPlan, Lists, Motion, Mover, Plan, Request, Robot,
+    SharedEnvironment, State, WorkspaceEnvironment,
+};
+use fleetyard_check::{
+    ContinuousRule, ContinuousTask, Near, Tolerance, TravelCosts, validate_trajectories,
+};
+use fleetyard_core::{Knot, TrajectoryPlan};
+use fleetyard_world::exact::Obstacles;
+use fleetyard_world::{Bounds, Dynamics, Polygon, Pose, Shape, Travel, Workspace};
+
+use super::{RADIUS_M, Scene, middle_m};
+use crate::judge::{Arrival, Rules, VIOLATIONS, other_form};
+use crate::question::Question;
+use crate::trial::Step;
+
+/// The dynamics that the kit can judge: robots that set out, turn and stop in no time.
+pub(crate) const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
+
+const GOAL_TOLERANCE_M: f64 = 0.05;
+const GOAL_TOLERANCE_RAD: f64 = 0.1;
+
+/// An instance in the plane, with a name.
+#[derive(Debug, Clone)]
+pub(crate) struct WorkspaceScene {
+    name: String,
+    workspace: WorkspaceEnvironment,
+    robots: Vec<Robot>,
+    robot_of: Vec<u32>,
+    starts: Vec<State>,
+    goals: Vec<Vec<State>>,
+    crowded: bool,
+}
+
+/// A disc that moves in any way.
+pub(crate) fn disc(radius_m: f64) -> Robot {
+    robot(Footprint::disc(radius_m), false)
+}
+
+/// A rectangle about its middle that moves in any way, turned or not.
+pub(crate) fn rectangle(length_m: f64, width_m: f64) -> Robot {
+    let (x, y) = (length_m / 2.0, width_m / 2.0);
+    let footprint = Footprint {
+        radius_m: x.hypot(y),
+        corners_m: vec![[x, y], [-x, y], [-x, -y], [x, -y]],
+    };
+    robot(footprint, true)
+}
+
+pub(super) fn robot(footprint: Footprint, has_heading: bool) -> Robot {
+    let numbers = if has_heading { 3 } else { 2 };
+    Robot {
+        name: String::new(),
+        footprint,
+        dynamics: String::new(),
+        has_heading,
+        polar_state: false,
+        polar_control: false,
+        state_limits: vec![[None; 2]; numbers],
+        control_limits: vec![[None; 2]; numbers],
+        parameters: Vec::new(),
+    }
+}
+
+/// The same robot, no faster than this in any direction.
+pub(crate) fn limited(robot: Robot, speed_m_per_s: f64) -> Robot {
+    let mut robot = Robot {
+        dynamics: SINGLE_INTEGRATOR.into(),
+        polar_control: true,
+        ..robot
+    };
+    for limits in robot.control_limits.iter_mut().take(2) {
+        *limits = [Some(-speed_m_per_s), Some(speed_m_per_s)];
+    }
+    robot
+}
+
+/// Corners of a rectangle from its lower left to its upper right corner.
+fn corners([left, bottom, right, top]: [f64; 4]) -> [[f64; 2]; 4] {
+    [[left, bottom], [right, bottom], [right, top], [left, top]]
+}
+
+impl WorkspaceScene {
+    /// A floor of so many metres from the origin, with rectangles on it that stand, each `[left,
+    /// bottom, right, top]`, and agents: robot, start and goal.
+    pub(crate) fn new(
+        name: &str,
+        size_m: [f64; 2],
+        obstacles: &[[f64; 4]],
+        agents: Vec<(Robot, [f64; 2], [f64; 2])>,
+    ) -> Self {
+        let mut scene = Self {
+            name: name.into(),
+            workspace: WorkspaceEnvironment {
+                min_m: [0.0, 0.0],
+                max_m: size_m,
+                obstacles: obstacles.iter().copied().map(corners).collect(),
+                movers: Vec::new(),
+            },
+            robots: Vec::new(),
+            robot_of: Vec::new(),
+            starts: Vec::new(),
+            goals: Vec::new(),
+            crowded: false,
+        };
+        for (robot, start, goal) in agents {
+            let state = |at: [f64; 2]| {
+                // Headed along x.
+                let numbers = at.into_iter().chain([0.0]);
+                State(numbers.take(robot.state_limits.len()).collect())
+            };
+            scene.starts.push(state(start));
+            scene.goals.push(vec![state(goal)]);
+            let known = scene.robots.iter().position(|known| *known == robot);
+            let model = known.unwrap_or(scene.robots.len());
+            if known.is_none() {
+                scene.robots.push(robot);
+            }
+            scene.robot_of.push(model as u32);
+        }
+        scene
+    }
+
+    /// The same with a disc that moves from place to place, each with the time in seconds.
+    pub(crate) fn with_mover(mut self, radius_m: f64, knots: &[[f64; 3]]) -> Self {
+        self.workspace.movers.push(Mover {
+            footprint: Footprint::disc(radius_m),
+            knots: knots
+                .iter()
+                .map(|[time_s, x, y]| [*time_s, *x, *y, 0.0])
+                .collect(),
+        });
+        self
+    }
+
+    /// A scene on a grid: the floor of its free cells.
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let grid = &scene.grid;
+        let (rows, cols) = (grid.rows(), grid.cols());
+        let is_blocked = |row: u32, col: u32| !grid.is_passable(row * cols + col);
+        let mut obstacles = Vec::new();
+        for row in 0..rows {
+            let top = f64::from(rows - row);
+            let mut col = 0;
+            while col < cols {
+                let begin = col;
+                while col < cols && is_blocked(row, col) {
+                    col += 1;
+                }
+                if col > begin {
+                    obstacles.push([f64::from(begin), top - 1.0, f64::from(col), top]);
+                }
+                col += 1;
+            }
+        }
+        let state = |cell: &u32| State(middle_m(grid, *cell).to_vec());
+        let (mut robots, robot_of) = scene.robots();
+        if robots.is_empty() {
+            robots.push(disc(RADIUS_M));
+        }
+        let name = format!("{}, in the plane", scene.name);
+        Self {
+            robots,
+            robot_of,
+            starts: scene.starts.iter().map(state).collect(),
+            goals: scene
+                .goals
+                .iter()
+                .map(|goals| goals.iter().map(state).collect())
+                .collect(),
+            crowded: scene.crowded,
+            ..Self::new(&name, [cols, rows].map(f64::from), &obstacles, Vec::new())
+        }
+    }
+
+    fn robot(&self, agent: usize) -> &Robot {
+        let model = self.robot_of.get(agent).copied().unwrap_or(0);
+        &self.robots[model as usize]
+    }
+
+    /// The world as the host knows it.
+    fn world(&self) -> Result<Workspace, String> {
+        let own = &self.workspace;
+        let polygon =
+            |corners: &[[f64; 2]]| Polygon::new(corners).map_err(|error| error.to_string());
+        let mover = |mover: &Mover| {
+            let knots = mover.knots.iter();
+            let knots: Vec<(f64, Pose)> = knots
+                .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
+                .collect();
+            fleetyard_world::Mover::new(of_world(&mover.footprint), &knots)
+                .map_err(|error| error.to_string())
+        };
+        Ok(Workspace {
+            name: self.name.clone(),
+            bounds: Bounds {
+                min: own.min_m,
+                max: own.max_m,
+            },
+            boundary: None,
+            obstacles: own
+                .obstacles
+                .iter()
+                .map(polygon)
+                .collect::<Result<_, _>>()?,
+            movers: own.movers.iter().map(mover).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+fn of_world(footprint: &Footprint) -> fleetyard_world::Footprint {
+    if footprint.corners_m.is_empty() {
+        let radius_m = footprint.radius_m;
+        return fleetyard_world::Footprint::Disc { radius_m };
+    }
+    let vertices_m = footprint.corners_m.clone();
+    fleetyard_world::Footprint::Polygon { vertices_m }
+}
+
+/// The limits of a robot; of dynamics that the kit does not know there are none.
+fn dynamics(robot: &Robot) -> Dynamics {
+    let most = |control: usize| {
+        let limit = robot
+            .control_limits
+            .get(control)
+            .and_then(|limits| limits[1]);
+        limit
+            .filter(|_| robot.dynamics == SINGLE_INTEGRATOR)
+            .unwrap_or(f64::INFINITY)
+    };
+    Dynamics {
+        travel: Travel::Polar {
+            speed: most(0),
+            acceleration: f64::INFINITY,
+        },
+        turn_rad_per_s: most(2),
+        turn_acceleration_rad_per_s2: f64::INFINITY,
+    }
+}
+
+fn pose(State(numbers): &State) -> Pose {
+    let number = |at: usize| numbers.get(at).copied().filter(|number| !number.is_nan());
+    Pose::new(
+        number(0).unwrap_or(0.0),
+        number(1).unwrap_or(0.0),
+        number(2).unwrap_or(0.0),
+    )
+}
+
+impl Question for WorkspaceScene {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn environment(&self) -> Step<SharedEnvironment> {
+        let environment = Environment::from(self.workspace.clone());
+        Ok(SharedEnvironment::new(environment.named(&self.name)))
+    }
+
+    fn instance(&self) -> Instance {
+        let radii = self.robots.iter().map(|robot| robot.footprint.radius_m);
+        let has_headings = self.robots.iter().any(|robot| robot.has_heading);
+        Instance {
+            start_states: self.starts.clone(),
+            goal_states: self.goals.iter().cloned().collect(),
+            robots: self.robots.clone(),
+            robot_of: self.robot_of.clone(),
+            motion: Motion::Dynamics,
+            radius_m: radii.fold(0.0, f64::max),
+            goal_tolerance_m: GOAL_TOLERANCE_M,
+            goal_tolerance_rad: if has_headings {
+                GOAL_TOLERANCE_RAD
+            } else {
+                0.0
+            },
+            ..Instance::default()
+        }
+    }
+
+    fn first_agent(&self) -> Box<dyn Question> {
+        let mut alone = self.clone();
+        alone.robots = vec![self.robot(0).clone()];
+        alone.robot_of.clear();
+        alone.starts.truncate(1);
+        alone.goals.truncate(1);
+        Box::new(alone)
+    }
+
+    fn pair(&self) -> Step<Option<Box<dyn Question>>> {
+        Ok(Some(Box::new(Self::of(&Scene::pair()?))))
+    }
+
+    fn is_crowded(&self) -> bool {
+        self.crowded
+    }
+
+    fn judge(&self, plan: &Plan, rules: Rules) -> Result<f64, String> {
+        let Plan::Trajectories(knots) = plan else {
+            return Err(other_form("trajectories", plan));
+        };
+        let plan = self.motions(knots)?;
+        let agents = 0..self.starts.len();
+        let models = self
+            .robots
+            .iter()
+            .map(|robot| of_world(&robot.footprint).shape());
+        let models: Vec<Shape> = models
+            .collect::<Result<_, _>>()
+            .map_err(|error| error.to_string())?;
+        let model = |agent: usize| self.robot_of.get(agent).copied().unwrap_or(0) as usize;
+        let shapes: Vec<&Shape> = agents.clone().map(|agent| &models[model(agent)]).collect();
+        let starts: Vec<Pose> = self.starts.iter().map(pose).collect();
+        // Who has no goal may end anywhere.
+        let end = |agent: usize| {
+            let last = (agent < plan.agents()).then(|| plan.knots(agent));
+            last.map_or(Pose::at(0.0, 0.0), |knots| {
+                let Knot {
+                    x_m,
+                    y_m,
+                    heading_rad,
+                    ..
+                } = knots.get(knots.len() - 1);
+                Pose::new(x_m, y_m, heading_rad.unwrap_or(0.0))
+            })
+        };
+        let goals = self.goals.iter().enumerate();
+        let goals: Vec<Pose> = goals
+            .map(|(agent, goals)| goals.last().map_or_else(|| end(agent), pose))
+            .collect();
+        let limits: Vec<Dynamics> = agents.map(|agent| dynamics(self.robot(agent))).collect();
+        let world = self.world()?;
+        let obstacles = Obstacles::workspace(&world);
+        let task = ContinuousTask {
+            starts: Some(&starts),
+            goals: (rules.arrival != Arrival::Free).then_some(&goals),
+            limits: Some(&limits),
+            tolerance: Tolerance {
+                goal: Near {
+                    place_m: GOAL_TOLERANCE_M,
+                    heading_rad: GOAL_TOLERANCE_RAD,
+                },
+                ..Tolerance::default()
+            },
+            ..ContinuousTask::new(&shapes, &obstacles)
+        };
+        let verdict = validate_trajectories(&plan, &task, VIOLATIONS);
+        let counts = |rule| !(rules.may_collide && rule == ContinuousRule::AgentContact);
+        match verdict.violations.iter().find(|found| counts(found.rule)) {
+            Some(found) => Err(format!("{} ({})", found.sentence, found.rule)),
+            None => Ok(TravelCosts::of(&plan).sum_of_costs_s),
+        }
+    }
+
+    fn judge_request(&self, request: &Request) -> Result<(), String> {
+        request.check(self.starts.len(), 0)
+    }
+
+    fn picture(&self) -> String {
+        super::listed(self.starts.iter().zip(&self.goals).map(|(start, goals)| {
+            let goal = goals
+                .last()
+                .map_or("anywhere".into(), |State(goal)| format!("{goal:?}"));
+            format!("{:?} to {goal}", start.0)
+        }))
+    }
+}
+
+impl WorkspaceScene {
+    /// The plan as the host keeps it. Where a robot has headings all have, as far as the host is
+    /// concerned: of those without one it does not matter.
+    fn motions(&self, plan: &KnotPlan) -> Result<TrajectoryPlan, String> {
+        let has_headings = self.robots.iter().any(|robot| robot.has_heading);
+        let mut motions = TrajectoryPlan::with_capacity(plan.len(), Lists::items(plan).len());
+        for (agent, knots) in plan.iter().enumerate() {
+            let may_lack = agent >= self.starts.len() || !self.robot(agent).has_heading;
+            let knots = knots.iter().map(|knot| Knot {
+                time_s: knot.time_s,
+                x_m: knot.x_m,
+                y_m: knot.y_m,
+                heading_rad: has_headings.then_some(if may_lack { 0.0 } else { knot.heading_rad }),
+            });
+            motions
+                .push_path(knots)
+                .map_err(|error| error.to_string())?;
+        }
+        Ok(motions)
+    }
+}
