@@ -1081,8 +1081,8 @@ typedef struct FleetyardTrajectories {
    */
   const double *y_m;
   /*
-   Headings, counter-clockwise and unwrapped, NaN of robots that have none; null when no robot
-   has one.
+   Headings, counter-clockwise and unwrapped; NaN where a robot has none, null when none has
+   one.
    */
   const double *heading_rad;
 } FleetyardTrajectories;

@@ -159,6 +159,10 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("astar", IN_HOST),
     ("beam-search", IN_HOST),
     ("theta-star", IN_WORKER),
+    ("roadmap-pp", IN_WORKER),
+    ("roadmap-pp", IN_HOST),
+    ("plane-pp", IN_WORKER),
+    ("plane-pp", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];
@@ -206,6 +210,9 @@ fn standard_library_passes() {
 
 fn standard_program_passes() {
     let program = standard().program.as_ref().unwrap().display().to_string();
+    for planner in ["roadmap-pp", "plane-pp"] {
+        passes(&format!("{program}:{planner}"), 1, "--attach stdio");
+    }
     let listing = listing();
     for kind in MODULES {
         let modules = listing.iter().filter(|of| of["kind"] == kind).count();
@@ -392,6 +399,12 @@ const PROMISES: &[Promise] = &[
     ("promising", "stale-cancel", "cancelled"),
     ("promising", "leaks", "memory-growth"),
     ("promising", "slow-prepare", "prepare-deadline"),
+    ("promising", "ignores-arrows", "move-mask"),
+    ("promising", "idle-agent-blocks", "idle-agents"),
+    ("promising", "refuses-parts", "unknown-part"),
+    ("promising", "short-seeds", "seed-53"),
+    ("promising-roads", "none", ""),
+    ("promising-plane", "none", ""),
     ("promising-policy", "none", ""),
     ("promising-policy", "returns-failed-plan", "failed-plan"),
     ("promising-generator", "none", ""),
@@ -450,10 +463,46 @@ const EVERYWHERE: &[Promise] = &[
 const SOME: &str = "--only handshake --only crossing --only passing-bay --only random-instances \
                     --only no-room --only colliding-plans";
 
+/// The same for planners of roadmaps and of the plane, whose mistakes show nearly everywhere;
+/// asked are `PLACES`.
+const ON_PLACES: &[Promise] = &[
+    (
+        "promising-roads",
+        "ignores-others",
+        "roadmap-crossing roadmap-near stop-go slower",
+    ),
+    (
+        "promising-roads",
+        "too-fast",
+        "roadmap-one roadmap-crossing roadmap-near stop-go slower",
+    ),
+    ("promising-roads", "jumps-edges", "roadmap-one"),
+    ("promising-roads", "ignores-arrows", "roadmap-one"),
+    ("promising-roads", "other-form", ""),
+    ("promising-roads", "nan-times", ""),
+    ("promising-roads", "idle-agent-blocks", "idle-agents"),
+    (
+        "promising-plane",
+        "ignores-others",
+        "dynamics heterogeneous",
+    ),
+    ("promising-plane", "too-fast", "dynamics workspace-mover"),
+    ("promising-plane", "ignores-movers", "workspace-mover"),
+    ("promising-plane", "other-form", ""),
+    ("promising-plane", "nan-times", ""),
+    ("promising-plane", "idle-agent-blocks", "idle-agents"),
+];
+
+const PLACES: &str = "--only idle-agents --only heterogeneous --only roadmap-one \
+                      --only roadmap-crossing --only roadmap-near --only stop-go --only slower \
+                      --only workspace-one --only workspace-gap --only workspace-mover \
+                      --only dynamics";
+
 /// Plugins that are described wrongly, with the cases that fail.
 const DESCRIBED: &[(&str, &str)] = &[
     ("two-faces", "descriptor"),
     ("bad-default", "descriptor"),
+    ("all-knowing", "critical-part other-representation"),
     // The SDK refuses the grids that it does not claim.
     (
         "contradiction",
@@ -462,7 +511,7 @@ const DESCRIBED: &[(&str, &str)] = &[
 ];
 
 fn promises(tests: &mut Tests) {
-    for (table, only) in [(PROMISES, ""), (EVERYWHERE, SOME)] {
+    for (table, only) in [(PROMISES, ""), (EVERYWHERE, SOME), (ON_PLACES, PLACES)] {
         for (id, mistake, names) in table {
             tests.add(
                 &format!("conformance::promises::{id}::{mistake}"),
@@ -509,15 +558,18 @@ fn promises(tests: &mut Tests) {
 }
 
 fn every_case_is_failed() {
-    let tables = PROMISES.iter().chain(EVERYWHERE);
+    let tables = PROMISES.iter().chain(EVERYWHERE).chain(ON_PLACES);
     let caught: BTreeSet<String> = tables
         .flat_map(|(.., names)| expected(&names.replace('!', "")))
         .collect();
     // By plugins that are described wrongly, are none, do not end, are deaf, claim what
     // cannot be, or change the host's process.
-    let elsewhere = expected("descriptor handshake ending deadline figures host-process");
-    // Figures and warnings alone; what depends on the machine; what cannot be asked yet.
-    let nobody = expected("scan-time output thread-limit roadmap continuous");
+    let elsewhere = expected(
+        "descriptor handshake ending deadline figures host-process critical-part \
+         other-representation",
+    );
+    // Figures and warnings alone; what depends on the machine.
+    let nobody = expected("scan-time output thread-limit");
     let listed = Yard::new().line("plugins check --list --format json");
     for case in listed.expect(SUCCESS).json().as_array().unwrap() {
         let name = case["case"].as_str().unwrap();

@@ -125,6 +125,12 @@ impl<'a> Tangents<'a> {
         if !self.obstacles.free(start) || !self.obstacles.free(goal) {
             return None;
         }
+        if start == goal {
+            return Some(Way {
+                length: 0.0,
+                places: vec![start],
+            });
+        }
         let mut nodes: Vec<Node> = Vec::new();
         let mut closed: Vec<Vec<u32>> = vec![Vec::new(); 2 * self.corners.len()];
         let mut open = BinaryHeap::new();

@@ -337,6 +337,19 @@ mod ways {
     }
 
     #[test]
+    fn a_disc_at_its_goal_stays() {
+        let bounds = Rectangle {
+            min: Vector::zeros(),
+            max: Vector::new(1.0, 1.0),
+        };
+        let obstacles = Obstacles::new(Vec::new(), bounds, RADIUS);
+        let at = Vector::new(0.5, 0.5);
+        let way = Tangents::new(&obstacles).shortest(at, at, &mut || false);
+        let way = way.unwrap();
+        assert_eq!((way.length, way.places), (0.0, vec![at]));
+    }
+
+    #[test]
     fn a_disc_that_does_not_fit_through_a_gap_goes_round() {
         let wall = |x: f64, y: [f64; 2]| {
             [(x, y[0]), (x + 0.2, y[0]), (x + 0.2, y[1]), (x, y[1])]
