@@ -469,27 +469,47 @@ const ON_PLACES: &[Promise] = &[
     (
         "promising-roads",
         "ignores-others",
-        "roadmap-crossing roadmap-near stop-go slower",
+        "idle-agents heterogeneous roadmap-crossing roadmap-near stop-go slower",
     ),
     (
         "promising-roads",
         "too-fast",
-        "roadmap-one roadmap-crossing roadmap-near stop-go slower",
+        "idle-agents heterogeneous roadmap-one roadmap-crossing roadmap-near stop-go slower",
     ),
-    ("promising-roads", "jumps-edges", "roadmap-one"),
+    (
+        "promising-roads",
+        "jumps-edges",
+        "idle-agents heterogeneous roadmap-one roadmap-near stop-go slower",
+    ),
     ("promising-roads", "ignores-arrows", "roadmap-one"),
-    ("promising-roads", "other-form", ""),
-    ("promising-roads", "nan-times", ""),
+    (
+        "promising-roads",
+        "other-form",
+        "idle-agents heterogeneous roadmap-one roadmap-crossing roadmap-near stop-go slower",
+    ),
+    (
+        "promising-roads",
+        "nan-times",
+        "idle-agents heterogeneous roadmap-one roadmap-crossing roadmap-near stop-go slower",
+    ),
     ("promising-roads", "idle-agent-blocks", "idle-agents"),
     (
         "promising-plane",
         "ignores-others",
-        "dynamics heterogeneous",
+        "idle-agents heterogeneous dynamics",
     ),
-    ("promising-plane", "too-fast", "dynamics workspace-mover"),
+    ("promising-plane", "too-fast", "workspace-mover dynamics"),
     ("promising-plane", "ignores-movers", "workspace-mover"),
-    ("promising-plane", "other-form", ""),
-    ("promising-plane", "nan-times", ""),
+    (
+        "promising-plane",
+        "other-form",
+        "idle-agents heterogeneous workspace-one workspace-gap workspace-mover dynamics",
+    ),
+    (
+        "promising-plane",
+        "nan-times",
+        "heterogeneous workspace-one workspace-gap workspace-mover dynamics",
+    ),
     ("promising-plane", "idle-agent-blocks", "idle-agents"),
 ];
 
@@ -506,7 +526,8 @@ const DESCRIBED: &[(&str, &str)] = &[
     // The SDK refuses the grids that it does not claim.
     (
         "contradiction",
-        "descriptor ending made-again memory-growth output repeated-calls thread-limit",
+        "descriptor ending made-again memory-growth output repeated-calls thread-limit \
+         unknown-part critical-part seed-53",
     ),
 ];
 
@@ -596,16 +617,16 @@ fn deaf_is_stopped() {
 
 /// Cases that judge plans which the faulty planners can make.
 const JUDGED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline";
+    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline";
 
 /// Those, and cases that ask for a plan without looking at it.
 const ANSWERED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline \
+    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth";
 
 /// Every case that asks a planner anything.
 const ASKED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic repeated-calls other-map made-again bad-input cancelled prepare-deadline \
+    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth cycle passing-bay no-room unreachable-goal node-limit deadline \
     thread-limit";
 

@@ -488,7 +488,8 @@ mod teams {
             };
             let (mut bodies, mut stops) = (discs.clone(), plans.clone());
             if moved {
-                bodies.push(Disc { radius: mover.radius, ..discs[0] });
+                let (start, goal) = (Vector::new(-3.0, -1.0), Vector::new(-3.0, -1.0));
+                bodies.push(Disc { radius: mover.radius, speed: 1.0, start, goal });
                 stops.push(mover.stops);
             }
             let clearance = least_clearance(&bodies, &stops);

@@ -277,6 +277,7 @@ mod tests {
 
     use fleetyard_core::Connectivity;
 
+    use super::super::claims::ONE_WAY;
     use super::*;
     use crate::judge::{self, Arrival};
 
@@ -360,6 +361,11 @@ mod tests {
         ];
         for drawing in drawings {
             let scene = draw(drawing).unwrap_or_else(|_| panic!("{}", drawing.0));
+            assert_eq!(best(&scene), scene.best, "{}", drawing.0);
+        }
+        for (arrows, drawing) in ONE_WAY {
+            let scene = draw(drawing).and_then(|scene| scene.one_way(arrows));
+            let scene = scene.unwrap_or_else(|_| panic!("{}", drawing.0));
             assert_eq!(best(&scene), scene.best, "{}", drawing.0);
         }
         let stuck = Scene::drawn("stuck", &["ab"], &["ba"]).unwrap_or_else(|_| panic!("stuck"));

@@ -183,7 +183,7 @@ pub(crate) fn threads(trial: &mut Trial<'_>) -> Step<()> {
 const ROUND: &[&str] = &["v<<<<<", ">>>>>^"];
 
 /// Drawings of one-way streets, by arrows, and who is on them.
-const ONE_WAY: [(&[&str], Drawing); 3] = [
+pub(super) const ONE_WAY: [(&[&str], Drawing); 3] = [
     (
         ROUND,
         (

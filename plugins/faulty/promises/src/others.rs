@@ -272,5 +272,5 @@ described! {
 
 described! {
     Contradiction, "Claims neighbours without a grid.",
-    described("contradiction", &[Capability::EightConnected, Capability::Continuous])
+    described("contradiction", &[Capability::EightConnected])
 }
