@@ -42,8 +42,10 @@ static bool find_path(const FleetyardInstance *instance, uint32_t agent, Fleetya
     for (uint32_t cell = 0; cell < cells; cell++)
       for (int move = 0; move < 9 && from[time - 1][cell] != NONE; move++) {
         uint32_t to = fleetyard_move(grid, cell, move); /* the last move waits */
-        if (to == NONE || now[to] || (before[to] && before[to] == now[cell]))
-          continue; /* somebody is there, or they would exchange cells */
+        if (to == NONE || from[time][to] != NONE || now[to])
+          continue;
+        if (before[to] && before[to] == now[cell])
+          continue; /* they would exchange cells */
         from[time][to] = cell;
       }
     for (uint32_t i = 0; i < all->agents; i++)
