@@ -164,6 +164,31 @@ fn python_planners_for_roadmaps_and_the_plane() {
 }
 
 #[test]
+fn c_and_cpp_planners_for_roadmaps_and_the_plane() {
+    if !have_all(&["make", "cc", "c++"]) {
+        return;
+    }
+    let yard = Yard::new();
+    for (lang, on) in [
+        ("c", "roadmap"),
+        ("c", "continuous"),
+        ("cpp", "roadmap"),
+        ("cpp", "continuous"),
+    ] {
+        let name = format!("my-{lang}-{on}");
+        let line = format!("plugins new {name} --lang {lang} --representation {on}");
+        let written = yard.line(&line).expect(SUCCESS);
+        assert!(!written.stdout.contains("fleetyard run"), "{written}");
+        let ran = yard.shell(&format!("make -s -C {name} check && make -s -C {name}"));
+        let ran = ran.expect(SUCCESS);
+        assert!(ran.stdout.ends_with("passed\n"), "{ran}");
+        let library = name.replace('-', "_");
+        let info = yard.line(&format!("plugins info {name}/{library}.so"));
+        assert!(info.expect(SUCCESS).stdout.contains(on));
+    }
+}
+
+#[test]
 fn command() {
     if have_all(&["python3"]) {
         works("command", "planner", |_| ());
@@ -264,7 +289,7 @@ fn bad_requests_are_refused_and_leave_nothing() {
         ["can be a planner, but no fail-policy", "--lang python"],
     );
     refused(
-        "--lang c --representation roadmap x",
+        "--lang rust --representation roadmap x",
         USAGE,
         ["planners in Python", "--lang python"],
     );

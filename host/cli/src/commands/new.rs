@@ -82,6 +82,17 @@ macro_rules! of_kind {
     };
 }
 
+/// The same for the maps that a planner is for; other kinds have templates for grids alone.
+macro_rules! of_map {
+    ($kind:expr, $on:expr, $before:literal, $after:literal) => {
+        match $on {
+            Representation::Grid => of_kind!($kind, $before, $after),
+            Representation::Roadmap => template!($before, "planner-roadmap", $after),
+            Representation::Continuous => template!($before, "planner-continuous", $after),
+        }
+    };
+}
+
 /// Names and texts of files in a folder of the repository.
 macro_rules! copies {
     ($folder:literal: $($name:literal)*) => {
@@ -147,10 +158,11 @@ pub(crate) fn new(arguments: &New) -> Result<Exit> {
         out,
     } = arguments;
     let (lang, kind, on) = (*lang, *kind, *representation);
-    if on != Representation::Grid && (lang, kind) != (Lang::Python, Kind::Planner) {
-        let reason = "maps other than grids are for planners in Python";
+    let knows_maps = matches!(lang, Lang::Python | Lang::C | Lang::Cpp);
+    if on != Representation::Grid && !(knows_maps && kind == Kind::Planner) {
+        let reason = "maps other than grids are for planners in Python, C and C++";
         return Err(Failure::new(Exit::Usage, reason)
-            .hint("--lang python --kind planner, or leave out --representation"));
+            .hint("--kind planner with --lang python, c or cpp, or leave out --representation"));
     }
     let scaffold = scaffold(lang, kind, on, &Name::new(name, lang)?)?;
     // What is below `.` needs no `./` in any of the commands.
@@ -268,36 +280,28 @@ fn scaffold(lang: Lang, kind: Kind, on: Representation, name: &Name) -> Result<S
             )
         }
         Lang::C => {
-            add("example_plugin.c", of_kind!(kind, "c/", ".c"), yours);
-            let test = of_kind!(kind, "c/tests/", ".c");
+            add("example_plugin.c", of_map!(kind, on, "c/", ".c"), yours);
+            let test = of_map!(kind, on, "c/tests/", ".c");
             add("tests/test.c", test, "its test");
             add("tests/host.h", template!("c/tests/host.h"), "");
             add("Makefile", template!("c/Makefile"), "how it is built");
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
         Lang::Cpp => {
-            add("example_plugin.cpp", of_kind!(kind, "cpp/", ".cpp"), yours);
-            let test = of_kind!(kind, "cpp/tests/", ".cpp");
+            add(
+                "example_plugin.cpp",
+                of_map!(kind, on, "cpp/", ".cpp"),
+                yours,
+            );
+            let test = of_map!(kind, on, "cpp/tests/", ".cpp");
             add("tests/test.cpp", test, "its test");
             add("tests/host.hpp", template!("cpp/tests/host.hpp"), "");
             add("Makefile", template!("cpp/Makefile"), "how it is built");
             (Some("make -C {}"), "make -C {} check", "example_plugin.so")
         }
         Lang::Python => {
-            let (plugin, test) = match on {
-                Representation::Grid => (
-                    of_kind!(kind, "python/", ".py"),
-                    of_kind!(kind, "python/tests/", ".py"),
-                ),
-                Representation::Roadmap => (
-                    template!("python/planner-roadmap.py"),
-                    template!("python/tests/planner-roadmap.py"),
-                ),
-                Representation::Continuous => (
-                    template!("python/planner-continuous.py"),
-                    template!("python/tests/planner-continuous.py"),
-                ),
-            };
+            let plugin = of_map!(kind, on, "python/", ".py");
+            let test = of_map!(kind, on, "python/tests/", ".py");
             add("example_plugin.py", plugin, yours);
             add("tests/test_plugin.py", test, "its test");
             let test = "python3 -m unittest discover {}/tests";
