@@ -142,7 +142,11 @@ impl Scene {
         let mut radii = self.radii_m.clone();
         radii.sort_by(f64::total_cmp);
         radii.dedup();
-        let model = |radius: &f64| radii.iter().position(|known| known == radius);
+        let model = |radius: &f64| {
+            radii
+                .iter()
+                .position(|known| known.total_cmp(radius).is_eq())
+        };
         let robot_of = self.radii_m.iter().filter_map(model);
         let robots = radii.iter().map(|radius| workspace::disc(*radius));
         (

@@ -658,7 +658,7 @@ impl<'a> Trial<'a> {
                         "{name} costs {cost}, the one before it {before}: each has to be better"
                     ));
                 }
-                if cost == before {
+                if cost.total_cmp(&before).is_eq() {
                     self.warn(format!(
                         "{}: {name} costs as much as the one before it",
                         scene.name()

@@ -6,7 +6,7 @@ use fleetyard_abi::{
 };
 use fleetyard_check::Pace;
 use fleetyard_core::{Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan};
-use fleetyard_world::{Dynamics, Shape, Travel, Workspace};
+use fleetyard_world::{Boundary, Dynamics, Shape, Travel, Workspace};
 
 use crate::judge::{GridTerms, Judged};
 use crate::{GridView, Problem, RoadmapView, View};
@@ -187,7 +187,7 @@ fn workspace(world: &Workspace) -> WorkspaceEnvironment {
         .map(|polygon| polygon.vertices().to_vec());
     let boundary = world.boundary.iter();
     let beyond = boundary
-        .flat_map(|boundary| boundary.outside())
+        .flat_map(Boundary::outside)
         .map(|(pose, shape)| shape.corners(*pose).collect());
     let movers = world.movers.iter().map(|mover| Mover {
         footprint: footprint(mover.shape()),

@@ -9,8 +9,8 @@
 #![forbid(unsafe_code)]
 
 mod cells;
-mod frame;
 mod contract;
+mod frame;
 mod free;
 mod grid;
 mod judge;

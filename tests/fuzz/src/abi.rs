@@ -183,7 +183,7 @@ impl Memory {
         unsafe {
             room.write_bytes(0xA5, bytes);
             ptr::copy_nonoverlapping((&raw const value).cast(), room, bytes.min(real));
-            room.cast::<u32>().write(size);
+            ptr::copy_nonoverlapping((&raw const size).cast(), room, 4);
         }
         room.cast_const().cast()
     }
@@ -435,7 +435,7 @@ unsafe fn has_options(options: *const c::Options) -> bool {
         let text = unsafe { string(option.text) };
         let value = match option.kind {
             c::OPTION_NUMBER => json!(option.number),
-            c::OPTION_FLAG => json!(option.number == 1.0),
+            c::OPTION_FLAG => json!(option.number != 0.0),
             c::OPTION_TEXT => json!(text),
             c::OPTION_JSON => serde_json::from_str(&text).ok()?,
             _ => return None,
@@ -1155,7 +1155,7 @@ fn use_it(library: &Library) {
         && !misses(&object, "plan");
     let failed = number(&object, "code", c::STATUS_SOLVED) != c::STATUS_SOLVED;
     let broken = compare(&taken) || !(failed || whole);
-    judge(made.as_ref().map(drop), &object, broken);
+    judge(made.as_ref().map(|_| &()), &object, broken);
     let Ok(Object::Planner(mut planner)) = made else {
         return;
     };
@@ -1167,12 +1167,12 @@ fn use_it(library: &Library) {
         with(|stage| stage.question = Some(Arc::clone(&question)));
         let prepared = planner.prepare(environment, &budget_of(), &taken);
         let broken = compare(&taken);
-        judge(prepared.as_ref().map(|()| ()), &line("prepare"), broken);
+        judge(prepared.as_ref(), &line("prepare"), broken);
         for _ in 0..2 {
             let planned = planner.plan(instance, &budget_of(), &taken);
             let broken = compare(&taken);
             if prepared.is_ok() {
-                judge(planned.as_ref().map(|()| ()), &line("return"), broken);
+                judge(planned.as_ref(), &line("return"), broken);
             } else {
                 // It has no map, and is not asked.
                 let status = planned.map_err(|failure| failure.status);
@@ -1189,7 +1189,7 @@ fn use_it(library: &Library) {
 
 /// Checks the result of a call that returned the code of a line and may have broken the
 /// contract besides.
-fn judge(result: Result<(), &Failure>, line: &Line, broken: bool) {
+fn judge(result: Result<&(), &Failure>, line: &Line, broken: bool) {
     let code = number(line, "code", c::STATUS_SOLVED);
     match result {
         Ok(()) => assert!(!broken && code == c::STATUS_SOLVED),

@@ -11,8 +11,8 @@ use fleetyard_core::formats::{
 };
 use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile};
 use fleetyard_views::{
-    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile, ViewSpec,
-    ViewVerdict, load_problem, load_view,
+    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile,
+    ViewSpec, ViewVerdict, load_problem, load_view,
 };
 use serde::Serialize;
 

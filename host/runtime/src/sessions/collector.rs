@@ -104,14 +104,11 @@ impl Collector {
     /// A plan of another form than the map takes breaks the contract.
     pub(crate) fn check_forms(&self, context: &PlanContext<'_>) {
         let mut collected = self.lock();
-        let plans = collected
+        let mut plans = collected
             .incumbents
             .iter()
             .filter_map(|one| one.plan.as_ref());
-        if let Some(reason) = plans
-            .filter_map(|plan| context.check(plan.as_ref()).err())
-            .next()
-        {
+        if let Some(reason) = plans.find_map(|plan| context.check(plan.as_ref()).err()) {
             collected.fault.get_or_insert(reason);
         }
     }

@@ -20,7 +20,13 @@ macro_rules! changed {
             use fleetyard_abi::convert::size_of;
             use fleetyard_abi::layout::{ABI_STABLE_RELEASE, NamedLayout, RustLayout};
 
-            #[allow(missing_docs, dead_code, unreachable_pub, reason = "not our text")]
+            #[allow(
+                missing_docs,
+                dead_code,
+                unreachable_pub,
+                clippy::struct_field_names,
+                reason = "not our text"
+            )]
             mod c {
                 include!(concat!(env!("OUT_DIR"), "/", stringify!($name), ".rs"));
             }
