@@ -29,7 +29,7 @@
 #define BAD_SCHEMA 15       /* options schema that is not JSON */
 #define SHORT_PLANNER 16    /* create fills in a planner with struct_size too small */
 #define NULL_PLAN 17        /* create fills in a planner without `plan` */
-#define LYING_CAPABILITIES 18 /* claims everything, is told nothing of it */
+#define LYING_CAPABILITIES 18 /* claims what it cannot do */
 #define CONSTRUCTOR_FAULT 19  /* does FLEETYARD_FAULT while being loaded */
 
 #ifndef VARIANT
@@ -126,6 +126,19 @@ typedef struct {
 static int32_t fail(const FleetyardSink *sink, int32_t status, const char *text) {
   sink->fail(sink->context, (FleetyardStr){text, strlen(text)});
   return status;
+}
+
+/* Refuses data that must be understood and is not: this plugin knows none. */
+static bool is_critical(const FleetyardParts *parts, const FleetyardSink *sink) {
+  for (uint64_t i = 0; i < parts->count; i++) {
+    FleetyardStr id = parts->list[i].id;
+    char text[256];
+    if (!(parts->list[i].flags & FLEETYARD_PART_CRITICAL)) continue;
+    snprintf(text, sizeof text, "the critical part `%.*s` is unknown", (int)id.len, id.ptr);
+    fail(sink, FLEETYARD_STATUS_UNSUPPORTED, text);
+    return true;
+  }
+  return false;
 }
 
 /* ---- Where there is no sink ------------------------------------------------- */
@@ -647,7 +660,8 @@ static int32_t prepare(void *context, const FleetyardEnvironment *environment,
   (void)budget;
   misbehave(faulty, "prepare", sink);
   if (environment->representation != FLEETYARD_REPRESENTATION_GRID)
-    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "grids only");
+    return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "neither roadmap nor continuous: grids only");
+  if (is_critical(&environment->parts, sink)) return FLEETYARD_STATUS_UNSUPPORTED;
   const FleetyardGrid *grid = environment->view;
   if (strcmp(faulty->fault, "longjmp-stale") == 0 && setjmp(out_of_prepare) != 0)
     return FLEETYARD_STATUS_SOLVED;
@@ -664,6 +678,7 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
   const Faulty *faulty = context;
   const char *fault = strcmp(faulty->during, "plan") == 0 ? faulty->fault : "none";
   misbehave(faulty, "plan", sink);
+  if (is_critical(&instance->parts, sink)) return FLEETYARD_STATUS_UNSUPPORTED;
   if (strcmp(fault, "claims-solved-without-plan") == 0)
     return FLEETYARD_STATUS_SOLVED;
   if (strcmp(fault, "claims-infeasible") == 0)
@@ -754,7 +769,10 @@ static const FleetyardDescriptor descriptor_of_faulty = {
         "\"description\":\"The process that an attempt is at [default: the parent].\"}}}"),
 #endif
 #if VARIANT == LYING_CAPABILITIES
-    .capabilities = UINT64_MAX,
+    .capabilities = FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE |
+                    FLEETYARD_CAPABILITY_EIGHT_CONNECTED | FLEETYARD_CAPABILITY_MOVE_MASK |
+                    FLEETYARD_CAPABILITY_ROTATION | FLEETYARD_CAPABILITY_K_ROBUST |
+                    FLEETYARD_CAPABILITY_DETERMINISTIC,
 #else
     .capabilities =
         FLEETYARD_CAPABILITY_GRID | FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_DETERMINISTIC,

@@ -360,7 +360,6 @@ type Promise = (&'static str, &'static str, &'static str);
 
 const PROMISES: &[Promise] = &[
     ("promising", "none", ""),
-    ("promising", "refuses-default", "default-options"),
     ("promising", "dies-of-unknown-option", "unknown-option!"),
     ("promising", "dies-of-bad-option", "invalid-options!"),
     ("promising", "made-once", "default-options made-again"),
@@ -369,7 +368,7 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "one-agent-jumps",
-        "one-agent eight-connected any-angle rotation",
+        "one-agent eight-connected any-angle rotation move-mask",
     ),
     ("promising", "nothing-to-do-fails", "arrived one-cell"),
     (
@@ -377,7 +376,11 @@ const PROMISES: &[Promise] = &[
         "follows-nobody",
         "following cycle random-instances repeated-calls other-map cancelled",
     ),
-    ("promising", "through-walls", "unreachable-goal any-angle"),
+    (
+        "promising",
+        "through-walls",
+        "unreachable-goal any-angle move-mask",
+    ),
     ("promising", "no-makespan", "makespan"),
     ("promising", "limited-by-nodes-lies", "node-limit"),
     ("promising", "cuts-corners", "eight-connected"),
@@ -388,7 +391,11 @@ const PROMISES: &[Promise] = &[
     ("promising", "worse-later", "anytime"),
     ("promising", "too-tight", "k-robust"),
     ("promising", "one-thread-only", "threads"),
-    ("promising", "unseeded", "deterministic repeated-calls"),
+    (
+        "promising",
+        "unseeded",
+        "deterministic repeated-calls unknown-part",
+    ),
     ("promising", "old-answer", "repeated-calls"),
     (
         "promising",
@@ -689,7 +696,7 @@ fn faulty_libraries(tests: &mut Tests) {
     }
     tests.add("conformance::faulty library::LYING_CAPABILITIES", || {
         let library = c_library("plugins/faulty/faulty.c", Some("LYING_CAPABILITIES"));
-        let wanted = expected("descriptor eight-connected rotation k-robust");
+        let wanted = expected("descriptor eight-connected rotation k-robust move-mask");
         fails(&library.display().to_string(), "--budget 20s", &wanted);
     });
 }

@@ -516,7 +516,7 @@ const GROUPS: &[Group] = &[
                 &[Stdio],
                 &["the paths are malformed", "unknown move 'O'"],
             ),
-            ("huge-plan", LIBRARY, &["cells, more than the limit of"]),
+            ("huge-plan", LIBRARY, &["entries, more than the limit of"]),
         ],
     },
     Group {

@@ -167,7 +167,7 @@ fn robot() -> impl Strategy<Value = Robot> {
     )
 }
 
-/// What instances of all representations have.
+/// The part that instances of all representations share.
 fn frame(agents: usize) -> impl Strategy<Value = Instance> {
     let robots = (vec(robot(), 0..3), vec(any::<u32>(), agents));
     let codes = (

@@ -44,6 +44,15 @@ def plan(grid, instance, budget):
     return {"status": "gave-up", "message": "somebody stands in everybody's way"}
 
 
+def unknown(given):
+    """The refusal of a map that is no grid, or of data that must be understood and is not."""
+    names = [part["id"] for part in given.get("parts", []) if part.get("critical")]
+    if given.get("representation", "grid") != "grid":
+        names.append(given["representation"])
+    if names:
+        return {"status": "unsupported", "message": f"{names[0]} is unknown here"}
+
+
 for line in sys.stdin:
     message = json.loads(line)
     answer, params = {"jsonrpc": "2.0", "id": message.get("id")}, message.get("params")
@@ -52,10 +61,11 @@ for line in sys.stdin:
         about["capabilities"] = ["grid", "pebble"]
         answer["result"] = {"protocol_version": 1, "plugins": [about]}
     elif message["method"] == "prepare":
-        # Only what `capabilities` has comes: "roadmap" or "workspace" would be the map else.
-        grid, answer["result"] = params["environment"]["grid"], {"status": "solved"}
+        grid = params["environment"].get("grid")  # else a "roadmap" or a "workspace"
+        answer["result"] = unknown(params["environment"]) or {"status": "solved"}
     elif message["method"] == "plan":
-        answer["result"] = plan(grid, params["instance"], params["budget"])
+        answer["result"] = unknown(params["instance"]) or plan(
+            grid, params["instance"], params["budget"])
     elif message["method"] == "exit":
         break
     else:  # create and shutdown; the notification $/cancel may be ignored

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use fleetyard_plugin_plane::orders::End;
-use fleetyard_plugin_plane::prioritised::{Outcome, World, plan};
+use fleetyard_plugin_plane::prioritised::{Effort, Outcome, World, plan};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -18,12 +18,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (limit, seed) = (number(0, 1000)?, number(1, 1)?);
     let case = support::Case::read(tasks.as_ref(), discs.parse()?)?;
     let begin = Instant::now();
+    let effort = Effort {
+        clearance: 0.0,
+        limit,
+        seed,
+    };
     let world = World {
         polygons: case.polygons,
         bounds: case.bounds,
         movers: Vec::new(),
     };
-    let outcome = plan(&world, &case.discs, limit, seed, &mut || false);
+    let outcome = plan(&world, &case.discs, effort, &mut || false);
     let seconds = begin.elapsed().as_secs_f64();
     match outcome {
         Outcome::Ordered {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::Vector;
 use crate::bins::Rectangle;
 use crate::orders::End;
-use crate::prioritised::{Disc, Mover, Outcome, World, plan};
+use crate::prioritised::{Disc, Effort, Mover, Outcome, World, plan};
 use crate::timing::Stop;
 
 /// The dynamics of robots that may set out, turn and stop in no time.
@@ -52,9 +52,31 @@ pub fn unsolved(stopped: bool, orders: u64) -> Failure {
     Failure::new(Status::GaveUp, reason)
 }
 
+/// Options of `plane-pp`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlaneOptions {
+    /// Most orders of priority to try.
+    #[schemars(range(min = 1))]
+    pub orders: u64,
+    /// Distance that robots keep from obstacles beyond touching them, in metres, where there is
+    /// room for it: who drives in steps cuts corners a little.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub clearance_m: f64,
+}
+
+impl Default for PlaneOptions {
+    fn default() -> Self {
+        Self {
+            orders: OrderOptions::default().orders,
+            clearance_m: 1e-3,
+        }
+    }
+}
+
 /// Prioritised planning of discs in the plane.
 #[derive(Debug)]
-pub struct PlanePrioritised(OrderOptions);
+pub struct PlanePrioritised(PlaneOptions);
 
 impl Plugin for PlanePrioritised {
     fn descriptor() -> Descriptor {
@@ -71,7 +93,7 @@ impl Plugin for PlanePrioritised {
         ];
         Descriptor {
             features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<OrderOptions>(Kind::Planner, names, about, [&capabilities, &[]])
+            ..described::<PlaneOptions>(Kind::Planner, names, about, [&capabilities, &[]])
         }
     }
 
@@ -107,8 +129,15 @@ impl Planner for PlanePrioritised {
             .map(|agent| Agent::new(instance, agent))
             .collect::<Result<_, _>>()?;
         let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
-        let limit = self.0.within(budget);
-        match plan(world, &discs, limit, budget.seed, &mut || call.stop()) {
+        let orders = OrderOptions {
+            orders: self.0.orders,
+        };
+        let effort = Effort {
+            clearance: self.0.clearance_m,
+            limit: orders.within(budget),
+            seed: budget.seed,
+        };
+        match plan(world, &discs, effort, &mut || call.stop()) {
             Outcome::Ordered { end, orders } => {
                 call.metric("nodes", orders as f64);
                 let End::Solved(stops) = end else {

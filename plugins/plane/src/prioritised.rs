@@ -65,29 +65,60 @@ pub enum Outcome {
 /// Discs keep so much more distance from each other, as a share of their radii: times are rounded.
 const MARGIN: f64 = 1e-9;
 
-/// Plans for discs in a world. At most `limit` orders are tried.
+/// Bounds of the search, and its choices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Metres that discs keep from obstacles beyond touching them, where there is room for it.
+    pub clearance: f64,
+    /// Most orders of priority to try.
+    pub limit: u64,
+    /// Of the orders that are drawn.
+    pub seed: u64,
+}
+
+/// Obstacles for the discs of one radius.
+struct Known {
+    radius: f64,
+    /// With clearance, and without.
+    levels: [Obstacles; 2],
+}
+
+impl Known {
+    fn new(world: &World, radius: f64, clearance: f64) -> Self {
+        let level = |radius| Obstacles::new(world.polygons.clone(), world.bounds, radius);
+        Self {
+            radius,
+            levels: [level(radius + clearance), level(radius)],
+        }
+    }
+}
+
+/// Plans for discs in a world.
 pub fn plan(
     world: &World,
     discs: &[Disc],
-    limit: u64,
-    seed: u64,
+    effort: Effort,
     stop: &mut dyn FnMut() -> bool,
 ) -> Outcome {
-    let mut known: Vec<Obstacles> = Vec::new();
+    let mut known: Vec<Known> = Vec::new();
     let mut places = Vec::with_capacity(discs.len());
     let mut lengths = Vec::with_capacity(discs.len());
     for (number, disc) in discs.iter().enumerate() {
-        let same = |obstacles: &Obstacles| obstacles.radius().total_cmp(&disc.radius).is_eq();
-        places.push(known.iter().position(same).unwrap_or_else(|| {
-            known.push(Obstacles::new(
-                world.polygons.clone(),
-                world.bounds,
-                disc.radius,
-            ));
+        let same = |known: &Known| known.radius.total_cmp(&disc.radius).is_eq();
+        let found = known.iter().position(same).unwrap_or_else(|| {
+            known.push(Known::new(world, disc.radius, effort.clearance));
             known.len() - 1
-        }));
-        match Tangents::new(&known[places[number]]).shortest(disc.start, disc.goal, stop) {
-            Some(way) => lengths.push(way.length / disc.speed),
+        });
+        let mut levels = known[found].levels.iter().enumerate();
+        let way = levels.find_map(|(level, obstacles)| {
+            let way = Tangents::new(obstacles).shortest(disc.start, disc.goal, stop)?;
+            Some((level, way.length))
+        });
+        match way {
+            Some((level, length)) => {
+                places.push((found, level));
+                lengths.push(length / disc.speed);
+            }
             None if stop() => return Outcome::Stopped,
             None => return Outcome::NoWay(number),
         }
@@ -103,43 +134,52 @@ pub fn plan(
             })
         })
         .collect();
-    let (end, orders) = try_orders(longest_first(&lengths), limit, seed, |order| {
-        let mut plans: Vec<Vec<Stop>> = vec![Vec::new(); discs.len()];
-        for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
-            let disc = &discs[agent];
-            let rest = |at: Vector, radius: f64| obstacles::Disc { at, radius };
-            let before = order[..place].iter().map(|other| &discs[*other as usize]);
-            let after = order[place + 1..]
-                .iter()
-                .map(|other| &discs[*other as usize]);
-            let goals = before.map(|other| rest(other.goal, other.radius));
-            let goals: Vec<_> = goals.chain(parked.iter().copied()).collect();
-            let starts = after.map(|other| rest(other.start, other.radius));
-            let moving = order[..place].iter().flat_map(|other| {
-                let distance = (disc.radius + discs[*other as usize].radius) * (1.0 + MARGIN);
-                obstructions(&plans[*other as usize], distance)
-            });
-            let moved = world.movers.iter().flat_map(|mover| {
-                obstructions(&mover.stops, (disc.radius + mover.radius) * (1.0 + MARGIN))
-            });
-            let moving: Vec<Obstruction> = moving.chain(moved).collect();
-            let all = goals.iter().copied().chain(starts).collect();
-            let stops = [all, goals.clone(), Vec::new()]
-                .into_iter()
-                .find_map(|rests| {
-                    let obstacles = known[places[agent]].with_discs(rests);
-                    let way = Tangents::new(&obstacles).shortest(disc.start, disc.goal, stop)?;
-                    earliest(&way.places, disc.speed, &moving)
+    let (end, orders) = try_orders(
+        longest_first(&lengths),
+        effort.limit,
+        effort.seed,
+        |order| {
+            let mut plans: Vec<Vec<Stop>> = vec![Vec::new(); discs.len()];
+            for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
+                let disc = &discs[agent];
+                let rest = |at: Vector, radius: f64| obstacles::Disc { at, radius };
+                let before = order[..place].iter().map(|other| &discs[*other as usize]);
+                let after = order[place + 1..]
+                    .iter()
+                    .map(|other| &discs[*other as usize]);
+                let goals = before.map(|other| rest(other.goal, other.radius));
+                let goals: Vec<_> = goals.chain(parked.iter().copied()).collect();
+                let starts = after.map(|other| rest(other.start, other.radius));
+                let moving = order[..place].iter().flat_map(|other| {
+                    let distance = (disc.radius + discs[*other as usize].radius) * (1.0 + MARGIN);
+                    obstructions(&plans[*other as usize], distance)
                 });
-            if stop() {
-                return Attempt::Stopped;
+                let moved = world.movers.iter().flat_map(|mover| {
+                    obstructions(&mover.stops, (disc.radius + mover.radius) * (1.0 + MARGIN))
+                });
+                let moving: Vec<Obstruction> = moving.chain(moved).collect();
+                let all = goals.iter().copied().chain(starts).collect();
+                let (found, level) = places[agent];
+                let levels = &known[found].levels[level..];
+                let stops = [all, goals.clone(), Vec::new()]
+                    .into_iter()
+                    .flat_map(|rests| levels.iter().map(move |level| (level, rests.clone())))
+                    .find_map(|(level, rests)| {
+                        let obstacles = level.with_discs(rests);
+                        let way =
+                            Tangents::new(&obstacles).shortest(disc.start, disc.goal, stop)?;
+                        earliest(&way.places, disc.speed, &moving)
+                    });
+                if stop() {
+                    return Attempt::Stopped;
+                }
+                match stops {
+                    Some(stops) => plans[agent] = stops,
+                    None => return Attempt::Blocked(place),
+                }
             }
-            match stops {
-                Some(stops) => plans[agent] = stops,
-                None => return Attempt::Blocked(place),
-            }
-        }
-        Attempt::Solved(plans)
-    });
+            Attempt::Solved(plans)
+        },
+    );
     Outcome::Ordered { end, orders }
 }

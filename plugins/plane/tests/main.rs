@@ -383,7 +383,7 @@ mod teams {
     use fleetyard_plugin_plane::bins::Rectangle;
     use fleetyard_plugin_plane::obstacles::Obstacles;
     use fleetyard_plugin_plane::orders::End;
-    use fleetyard_plugin_plane::prioritised::{Disc, Mover, Outcome, World, plan};
+    use fleetyard_plugin_plane::prioritised::{Disc, Effort, Mover, Outcome, World, plan};
     use fleetyard_plugin_plane::timing::Stop;
     use proptest::prelude::*;
 
@@ -408,6 +408,14 @@ mod teams {
             block(3.9, 3.6, 4.1, 6.0),
             block(1.5, 1.0, 2.5, 2.0),
         ]
+    }
+
+    fn effort(seed: u64) -> Effort {
+        Effort {
+            clearance: if seed == 2 { 0.01 } else { 0.0 },
+            limit: 10,
+            seed,
+        }
     }
 
     fn world(polygons: Vec<Vec<Vector>>) -> World {
@@ -480,8 +488,8 @@ mod teams {
                 movers: moved.then(|| mover.clone()).into_iter().collect(),
                 ..world(polygons())
             };
-            let found = plan(&world, &discs, 10, seed, &mut || false);
-            prop_assert_eq!(&found, &plan(&world, &discs, 10, seed, &mut || false));
+            let found = plan(&world, &discs, effort(seed), &mut || false);
+            prop_assert_eq!(&found, &plan(&world, &discs, effort(seed), &mut || false));
             let Outcome::Ordered { end: End::Solved(plans), .. } = found else {
                 prop_assert!(discs.len() > 1 || moved, "one disc alone has a way");
                 return Ok(());
@@ -521,7 +529,7 @@ mod teams {
             goal: Vector::new(to, 3.0),
         };
         let discs = [disc(1.0, 2.0), disc(3.0, 5.0)];
-        let found = plan(&world(vec![wall]), &discs, 10, 1, &mut || false);
+        let found = plan(&world(vec![wall]), &discs, effort(1), &mut || false);
         assert_eq!(found, Outcome::NoWay(1));
     }
 }

@@ -43,7 +43,6 @@ enum Mistake {
     #[default]
     None,
     // Being made, and ending.
-    RefusesDefault,
     DiesOfUnknownOption,
     DiesOfBadOption,
     MadeOnce,
@@ -134,9 +133,6 @@ impl Choice {
             std::process::abort();
         }
         let refused = Failure::new(Status::InvalidInput, "options: refused as asked");
-        if mistake == Mistake::RefusesDefault && given["patience"] == 4 {
-            return Err(refused);
-        }
         let read = options.parse::<Self>();
         let fits = |choice: &Self| choice.k <= 100 && (1..=9).contains(&choice.patience);
         match read {
