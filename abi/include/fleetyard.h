@@ -49,12 +49,12 @@
 #define FLEETYARD_OK 0
 
 /*
- What was submitted is malformed: the call is lost.
+ The submitted data are malformed: the call is lost.
  */
 #define FLEETYARD_REJECTED -1
 
 /*
- What was submitted came after the deadline, or after the host gave up on the call.
+ The submission came after the deadline, or after the host gave up on the call.
  */
 #define FLEETYARD_TOO_LATE -2
 
@@ -1148,7 +1148,7 @@ typedef struct FleetyardFleetState {
 } FleetyardFleetState;
 
 /*
- What an instance generator decides, and nothing else: the rest of the next instance is as
+ The decision of an instance generator, and nothing else: the rest of the next instance is as
  `FleetyardFleetState::next` has it.
  */
 typedef struct FleetyardRequest {

@@ -47,9 +47,9 @@ pub const INVOCATION_POLICY_FACTORY_ID: &str = "fleetyard.invocation-policy/1";
 
 /// Success, for functions that return a result code.
 pub const OK: i32 = 0;
-/// What was submitted is malformed: the call is lost.
+/// The submitted data are malformed: the call is lost.
 pub const REJECTED: i32 = -1;
-/// What was submitted came after the deadline, or after the host gave up on the call.
+/// The submission came after the deadline, or after the host gave up on the call.
 pub const TOO_LATE: i32 = -2;
 /// There is no room for what was submitted at the moment; nothing is wrong.
 pub const BUSY: i32 = -3;
@@ -667,7 +667,7 @@ pub struct FleetState {
     pub parts: Parts,
 }
 
-/// What an instance generator decides, and nothing else: the rest of the next instance is as
+/// The decision of an instance generator, and nothing else: the rest of the next instance is as
 /// `FleetyardFleetState::next` has it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]

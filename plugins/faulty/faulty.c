@@ -654,20 +654,6 @@ static int32_t hand_over(const Steps *steps, const char *fault, uint64_t size,
 
 /* ---- The planner ----------------------------------------------------------- */
 
-/* Refuses a part that has to be understood; all else about parts is passed over. */
-static int32_t refuse_critical(const FleetyardParts *parts, const FleetyardSink *sink) {
-  for (uint64_t i = 0; i < parts->count; i++) {
-    const FleetyardPart *part = &parts->list[i];
-    if (part->flags & FLEETYARD_PART_CRITICAL) {
-      char text[200];
-      snprintf(text, sizeof text, "the critical part `%.*s` is unknown",
-               part->id.len < 100 ? (int)part->id.len : 100, (const char *)part->id.ptr);
-      return fail(sink, FLEETYARD_STATUS_UNSUPPORTED, text);
-    }
-  }
-  return FLEETYARD_STATUS_SOLVED;
-}
-
 static int32_t prepare(void *context, const FleetyardEnvironment *environment,
                        const FleetyardBudget *budget, const FleetyardSink *sink) {
   Faulty *faulty = context;
@@ -697,9 +683,6 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
     return FLEETYARD_STATUS_SOLVED;
   if (strcmp(fault, "claims-infeasible") == 0)
     return fail(sink, FLEETYARD_STATUS_INFEASIBLE, "it cannot be done, believe me");
-  int32_t refused = refuse_critical(&instance->parts, sink);
-  if (refused != FLEETYARD_STATUS_SOLVED)
-    return refused;
   if (strcmp(fault, "fails") == 0)
     return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "failed as asked");
   if (strcmp(fault, "bad-request") == 0) { /* `plan` asks for a plan */

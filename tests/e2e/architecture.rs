@@ -24,6 +24,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     (
         "fleetyard-views",
         &[
+            "fleetyard-abi",
             "fleetyard-check",
             "fleetyard-core",
             "fleetyard-sim",
@@ -62,6 +63,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-runtime",
             "fleetyard-sim",
             "fleetyard-view",
+            "fleetyard-views",
             "fleetyard-world",
         ],
     ),

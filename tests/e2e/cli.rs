@@ -457,6 +457,8 @@ fn plugins_are_listed_and_described() {
             "mapf-lns",
             "cbs",
             "ecbs",
+            "roadmap-pp",
+            "plane-pp",
             "empty",
             "astar",
             "dijkstra",

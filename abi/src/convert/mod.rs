@@ -254,7 +254,7 @@ unsafe fn parts(parts: c::Parts) -> Result<Vec<Part>, Failure> {
     Ok(known)
 }
 
-/// What C structures point to: it stays where it is until all of it goes.
+/// Data that C structures point to: they stay where they are until all of them go.
 #[derive(Default)]
 struct Kept(Vec<Box<dyn Any>>);
 

@@ -32,7 +32,7 @@ pub enum TrialInstance<'a> {
         problem: &'a Problem,
         /// The view.
         view: &'a View,
-        /// What the view leaves open.
+        /// Terms that the view leaves open.
         terms: PlanTerms,
     },
 }

@@ -929,7 +929,7 @@ unsafe fn say(sink: *const c::Sink, line: &Line) {
 const AGENTS: u32 = 2;
 const OPTIONS: &str = r#"{"deep":[1,{"a":null}],"fast":true,"name":"yard","speed":2.5}"#;
 
-/// What the library is asked: a map, and an instance on it.
+/// The question to the library: a map, and an instance on it.
 struct Question {
     environment: SharedEnvironment,
     instance: Instance,
