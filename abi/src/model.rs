@@ -808,7 +808,8 @@ impl Instance {
             let least = if robot.has_heading { 3 } else { 2 };
             if size < least {
                 return Err(format!(
-                    "the robot of agent {agent} has states of {size} numbers, but its position and                      heading are {least}"
+                    "the robot of agent {agent} has states of {size} numbers, but its position \
+                     and heading are {least}"
                 ));
             }
             let start = &self.start_states[agent];

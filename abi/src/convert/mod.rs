@@ -160,8 +160,8 @@ fn reserved(what: &str, value: u32) -> Result<(), Failure> {
 }
 
 /// Refuses numbers that JSON does not have: what is submitted is the same by every attachment.
-fn finite(name: &str, numbers: &[f64]) -> Result<(), Failure> {
-    match numbers.iter().find(|number| !number.is_finite()) {
+fn finite<'a>(name: &str, numbers: impl IntoIterator<Item = &'a f64>) -> Result<(), Failure> {
+    match numbers.into_iter().find(|number| !number.is_finite()) {
         Some(number) => Err(invalid(format!("{name} has {number}, which is not finite"))),
         None => Ok(()),
     }

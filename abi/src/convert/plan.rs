@@ -163,16 +163,11 @@ impl Plan {
                 let heading_rad = if body.heading_rad.is_null() {
                     vec![f64::NAN; len]
                 } else {
-                    // SAFETY: as promised.
-                    let headings = unsafe { copied("plan.heading_rad", body.heading_rad, len)? };
-                    let known: Vec<f64> =
-                        headings.iter().copied().filter(|h| !h.is_nan()).collect();
-                    finite("plan.heading_rad", &known)?;
+                    let headings = column("plan.heading_rad", body.heading_rad)?;
+                    let there = headings.iter().filter(|heading| !heading.is_nan());
+                    finite("plan.heading_rad", there)?;
                     headings
                 };
-                if heading_rad.iter().any(|heading| heading.is_infinite()) {
-                    return Err(invalid("plan.heading_rad has an infinite heading"));
-                }
                 let knots = (0..len).map(|knot| Knot {
                     time_s: time_s[knot],
                     x_m: x_m[knot],

@@ -155,6 +155,55 @@ fn faults_are_answered_and_the_session_goes_on() {
 }
 
 #[test]
+fn a_new_plugin_does_not_know_the_map_of_the_one_before() {
+    let answers = converse(&[&create("{}"), PREPARE, &create("{}"), PLAN]);
+    assert!(
+        answers[3].contains("the call came before a successful `prepare`"),
+        "{answers:?}"
+    );
+}
+
+#[test]
+fn starts_are_at_places_or_in_the_plane() {
+    let both = [
+        r#"{"starts":[0,1],"goals":[[0],[1]],"start_states":[[0.5,1]]}"#,
+        r#"{"starts":[0,1],"goals":[[0],[1]],"goal_states":[[[0.5,1]]]}"#,
+    ];
+    for instance in both {
+        let instance: Instance = serde_json::from_str(instance).unwrap();
+        for places in [Some(3), None] {
+            let reason = instance.check(places).unwrap_err();
+            assert!(
+                reason.contains("both at places and in the plane"),
+                "{reason}"
+            );
+        }
+    }
+}
+
+#[test]
+fn states_in_the_plane_have_a_position() {
+    for (robot, start, least) in [
+        (r#""state_limits":[[null,null]]"#, "[0.5]", 2),
+        (
+            r#""has_heading":true,"state_limits":[[null,null],[null,null]]"#,
+            "[0.5,1]",
+            3,
+        ),
+    ] {
+        let text = format!(
+            r#"{{"start_states":[{start}],"goal_states":[[]],"robots":[{{"footprint":{{"radius_m":0.1}},{robot}}}]}}"#
+        );
+        let instance: Instance = serde_json::from_str(&text).unwrap();
+        let reason = instance.check(None).unwrap_err();
+        assert!(
+            reason.contains(&format!("position and heading are {least}")),
+            "{reason}"
+        );
+    }
+}
+
+#[test]
 fn instances_that_do_not_fit_the_map_are_refused() {
     for (from, to, expected) in [
         ("[0,1]", "[0,3]", "cell 3 is not on a map of 3 cells"),
