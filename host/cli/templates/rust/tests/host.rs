@@ -5,9 +5,7 @@
 use std::sync::{Arc, Mutex};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{
-    Budget, GridEnvironment, LogLevel, PlanRef, Request, SharedEnvironment,
-};
+use fleetyard_abi::{Budget, GridEnvironment, LogLevel, PlanRef, Request, SharedEnvironment};
 
 #[derive(Default)]
 pub struct Host {
