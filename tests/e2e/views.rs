@@ -1,6 +1,7 @@
-//! `validate` and `simulate` with `--task`: plans of every view, judged twice and executed in the world.
+//! `--task` of `run`, `compare`, `validate` and `simulate`: plans of every view, judged twice and
+//! executed in the world.
 
-use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, each};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, each, root};
 use serde_json::{Value, json};
 
 /// A world with a pillar, and a task in it.
@@ -84,16 +85,24 @@ fn a_plan_on_a_grid_is_judged_by_rules_and_by_footprints() {
         text(&ended)[..2],
         ["on the grid: valid", "in the world: INVALID: 1 violations"]
     );
-    let overlap = "  agent-contact: agents 0 and 1 overlap from 0.000002";
+    let overlap = "  agent-contact: agents 0 and 1 overlap from 0.000001";
     assert!(text(&ended)[2].starts_with(overlap), "{ended}");
     assert_eq!(
         text(&ended)[3..],
         [
-            "sum of costs 4.00 s",
-            "makespan     2.00 s",
+            "sum of costs 2.00 s",
+            "makespan     1.00 s",
             "path length  2.00 m",
             "in steps     4, the last at 2",
         ]
+    );
+    // A step is as long as a robot needs for a cell, if nobody says otherwise.
+    let slow = yard
+        .line("validate --task hall.task.json --representation grid --step 1 cells.json")
+        .expect(INVALID_PLAN);
+    assert_eq!(
+        text(&slow)[3..5],
+        ["sum of costs 4.00 s", "makespan     2.00 s"]
     );
     // On the same cells the strict rule names it; wider cells are another instance.
     let strict = "validate --task hall.task.json --separation strict cells.json";
@@ -385,5 +394,122 @@ fn what_is_wrong_is_said_with_a_way_out() {
             .stdout
             .contains("in the world: not judged, agent 0 is not on the map"),
         "{outside}"
+    );
+}
+
+#[test]
+fn planners_of_every_representation_plan_for_a_task() {
+    // Robots that leave each other alone, so that every planner succeeds in the world.
+    let yard = yard(
+        r#"{"start": [0.25, 0.25], "goal": [3.75, 0.75]}, {"start": [0.25, 3.75], "goal": [3.25, 3.75]}"#,
+    );
+    for (planner, representation) in [
+        ("lacam", "grid"),
+        ("roadmap-pp", "roadmap"),
+        ("plane-pp", "continuous"),
+    ] {
+        // The view is the one that the planner claims.
+        let command = format!(
+            "run --task hall.task.json -p {planner} --budget 60s --format json \
+             --plan-out {planner}.json --trace-out {planner}.jsonl --picture {planner}.svg"
+        );
+        let record = yard.line(&command).expect(SUCCESS).json();
+        assert_eq!(record["instance"]["representation"], representation);
+        assert_eq!(record["judged"]["world"]["valid"], true, "{planner}");
+        assert_eq!(record["execution"]["contacts"], 0, "{planner}");
+        let digest = &record["execution"]["trace_digest"];
+        assert_eq!(
+            yard.line(&command).expect(SUCCESS).json()["execution"]["trace_digest"],
+            *digest
+        );
+        assert!(yard.read(&format!("{planner}.svg")).starts_with(b"<svg"));
+        // The other commands say the same of the plan that was written.
+        let judge = format!("--task hall.task.json --representation {representation}");
+        let judged = yard
+            .line(&format!("validate {judge} {planner}.json --format json"))
+            .expect(SUCCESS)
+            .json();
+        assert_eq!(judged["view_digest"], record["instance_digest"]);
+        assert_eq!(judged["plan_digest"], record["plan_digest"]);
+        assert_eq!(judged["costs"], record["judged"]["costs"]);
+        let driven = yard
+            .line(&format!("simulate {judge} {planner}.json --format json"))
+            .expect(SUCCESS)
+            .json();
+        assert_eq!(driven["trace_digest"], *digest, "{driven}");
+    }
+    let refused = yard.line("run --task hall.task.json -p lacam --representation roadmap");
+    let refused = refused.expect(NO_PLAN).stderr;
+    assert!(
+        refused.contains("planner `lacam` does not support `roadmap`"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_table_compares_the_views_of_a_task() {
+    let yard = Yard::new();
+    let rooms = root()
+        .join("maps/two-rooms.task.json")
+        .display()
+        .to_string();
+    let command =
+        &format!("compare --task {rooms} -p lacam -p roadmap-pp -p plane-pp --budget 60s");
+    let ended = yard.line(&format!("{command} --format json"));
+    let report = ended.json();
+    assert_eq!(report["agents"], 3);
+    let rows = report["rows"].as_array().unwrap();
+    let row = |number: usize, key: &str| rows[number][key].clone();
+    let asked: Vec<_> = (0..rows.len())
+        .map(|number| (row(number, "view"), row(number, "planner")))
+        .collect();
+    let wanted = [
+        ("grid", "lacam"),
+        ("S", "roadmap-pp"),
+        ("D", "roadmap-pp"),
+        ("SD", "roadmap-pp"),
+        ("continuous", "plane-pp"),
+    ];
+    assert_eq!(
+        asked,
+        wanted.map(|(view, planner)| (json!(view), json!(planner)))
+    );
+    // On the grid one follows the other round a corner: by the rules it may, in the world they touch.
+    assert_eq!(row(0, "valid_in_view"), true);
+    assert_eq!(row(0, "valid_in_world"), false);
+    ended.expect(NO_PLAN);
+    for number in 1..rows.len() {
+        assert_eq!(row(number, "failure"), Value::Null, "{}", rows[number]);
+        assert_eq!(row(number, "valid_in_world"), true);
+        assert_eq!(row(number, "contacts"), 0);
+        assert!(row(number, "length_m").as_f64() < row(0, "length_m").as_f64());
+    }
+    // A planner is not to blame for what its view does not show.
+    assert_eq!(report["trials"][0]["claims"][0]["agrees"], true);
+    // In text: the same rows.
+    let text = yard.line(command).stdout;
+    for (view, planner) in wanted {
+        let is_row = |line: &str| line.starts_with(view) && line.contains(planner);
+        assert!(text.lines().any(is_row), "{text}");
+    }
+    // Views that no planner plans on, and robots that it does not know.
+    let none = yard
+        .line(&format!(
+            "compare --task {rooms} -p plane-pp --views grid,S"
+        ))
+        .expect(NO_PLAN);
+    assert!(
+        none.stderr.contains("plans on none of the views"),
+        "{}",
+        none.stderr
+    );
+    let window = root().join("maps/window.task.json").display().to_string();
+    let unknown = yard.run(&["compare", "--task", &window, "-p", "plane-pp"]);
+    assert!(
+        unknown
+            .stdout
+            .contains("`dynamics:fleetyard.double-integrator/1`"),
+        "{}",
+        unknown.stdout
     );
 }

@@ -10,6 +10,7 @@
 use std::fmt;
 
 use fleetyard_abi::Status;
+use fleetyard_views::ViewVerdict;
 use serde::Serialize;
 
 use crate::record::{Record, number};
@@ -122,7 +123,13 @@ pub fn signed(difference: f64) -> String {
 
 /// Every claim of a trial, from its record as far as it is written.
 pub fn of(record: &Record) -> Vec<Claim> {
-    let valid = record.plan_digest.map(|_| record.verdict.valid);
+    // A planner knows its view of a world alone.
+    let view = record
+        .judged
+        .as_ref()
+        .and_then(|judged| judged.view.as_ref());
+    let valid = view.map_or(record.verdict.valid, ViewVerdict::is_valid);
+    let valid = record.plan_digest.map(|_| valid);
     let mut claims: Vec<Claim> = status(record.claim, valid).into_iter().collect();
     let metrics = &record.metrics;
     for (what, name, ours) in [

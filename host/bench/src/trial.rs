@@ -15,6 +15,7 @@ use fleetyard_runtime::{
     Termination,
 };
 use fleetyard_sim::{Plan as Planned, SimConfig, SimError, Simulator, TraceSink};
+use fleetyard_views::{trajectories_of, visits_of};
 use serde_json::Value;
 
 use crate::calibration::Calibration;
@@ -498,35 +499,18 @@ impl Trial<'_> {
     }
 }
 
-/// Digest of a plan, whatever its form.
+/// Digest of a plan, the same as of its file; of one that is broken, the digest of its fault.
 fn digest_of(plan: &Plan) -> Digest {
-    match plan {
-        Plan::Cells(plan) => Digest::of_plan(plan),
-        Plan::Visits(visits) => {
-            let mut hasher = Hasher::new("fleetyard.visits/1");
-            for path in visits.iter() {
-                hasher.u64(path.len() as u64);
-                for visit in path {
-                    hasher.u64(visit.vertex.into());
-                    hasher.f64(visit.arrival_s);
-                    hasher.f64(visit.departure_s);
-                }
-            }
-            hasher.finish()
-        }
-        Plan::Trajectories(knots) => {
-            let mut hasher = Hasher::new("fleetyard.knots/1");
-            for path in knots.iter() {
-                hasher.u64(path.len() as u64);
-                for knot in path {
-                    for number in [knot.time_s, knot.x_m, knot.y_m, knot.heading_rad] {
-                        hasher.f64(number);
-                    }
-                }
-            }
-            hasher.finish()
-        }
-    }
+    let digest = match plan {
+        Plan::Cells(plan) => Ok(Digest::of_plan(plan)),
+        Plan::Visits(visits) => visits_of(visits).map(|plan| plan.digest()),
+        Plan::Trajectories(knots) => trajectories_of(knots).map(|plan| plan.digest()),
+    };
+    digest.unwrap_or_else(|fault| {
+        let mut hasher = Hasher::new("fleetyard.broken-plan/1");
+        hasher.bytes(fault.as_bytes());
+        hasher.finish()
+    })
 }
 
 /// A duration as records have it.

@@ -298,9 +298,10 @@ pub(crate) struct WorldArgs {
     /// Side of a cell in metres
     #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     pub(crate) cell_size: f64,
-    /// Duration of one step of a plan in seconds
-    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
-    pub(crate) step: f64,
+    /// Duration of one step of a plan in seconds [default: 1; for the grid of a task the time that
+    /// its slowest robot needs for a cell]
+    #[arg(long, help_heading = EXECUTION, value_name = "SECONDS")]
+    pub(crate) step: Option<f64>,
     /// Radius of an agent in metres [default: 0.35 cells; of robots with a model the
     /// preset's footprint, or 0.3 cells]
     #[arg(long, help_heading = EXECUTION, value_name = "METRES")]

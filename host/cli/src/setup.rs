@@ -167,7 +167,7 @@ pub(crate) fn unreadable(folder: &Path, reason: &str) -> String {
 pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
     SimConfig {
         cell_size_m: world.cell_size,
-        step_s: world.step,
+        step_s: world.step.unwrap_or(SimConfig::default().step_s),
         radius_m: world.radius,
         ticks_hz: world.ticks_hz,
         substeps: world.substeps,

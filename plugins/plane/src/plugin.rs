@@ -69,7 +69,7 @@ impl Default for PlaneOptions {
     fn default() -> Self {
         Self {
             orders: OrderOptions::default().orders,
-            clearance_m: 1e-3,
+            clearance_m: 0.01,
         }
     }
 }

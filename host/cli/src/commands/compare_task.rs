@@ -5,20 +5,18 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fleetyard_abi::Capability;
 use fleetyard_bench::{
     GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, TrialInstance, number,
 };
 use fleetyard_check::Pace;
 use fleetyard_core::{Words as _, words};
 use fleetyard_sim::NoTrace;
-use fleetyard_views::{
-    Builder, GridSpec, Problem, Representation, RoadmapSpec, View, ViewSpec, load_problem,
-};
+use fleetyard_views::{Builder, GridSpec, Problem, RoadmapSpec, View, ViewSpec, load_problem};
 use serde::Serialize;
 
 use super::compare::Compare;
 use super::run::terms;
+use super::task::claimed;
 use super::world::GridSpecArgs;
 use crate::args::{Format, INSTANCE, VIEW, word};
 use crate::exit::{Exit, Failure, Result};
@@ -168,12 +166,16 @@ pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
         .collect::<Result<_>>()?;
     let mut rows = Vec::new();
     let mut trials = Vec::new();
+    let representations: Vec<_> = planners
+        .iter()
+        .map(|(_, planner)| claimed(&host, planner))
+        .collect::<Result<_>>()?;
     let mut met = vec![false; planners.len()];
     for name in views.views.iter().copied() {
         let spec = name.spec(views.grid.spec(), views.roadmap_seed);
         let view = spec.derive(&problem)?;
         for (number, (label, planner)) in planners.iter().enumerate() {
-            if !claims(&host, planner, view.representation())? {
+            if !representations[number].contains(&view.representation()) {
                 continue;
             }
             met[number] = true;
@@ -210,18 +212,6 @@ pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
     Ok(if all { Exit::Success } else { Exit::NoPlan })
 }
 
-/// True if a planner says that it plans on maps of a representation.
-fn claims(host: &Host, planner: &Plugin, representation: Representation) -> Result<bool> {
-    let running = planner.start(&host.runtime)?;
-    let claims = running.descriptor.capabilities.has(match representation {
-        Representation::Grid => Capability::Grid,
-        Representation::Roadmap => Capability::Roadmap,
-        Representation::Continuous => Capability::Continuous,
-    });
-    running.close();
-    Ok(claims)
-}
-
 fn trial(
     arguments: &Compare,
     (host, planner): (&Host, &Plugin),
@@ -240,6 +230,7 @@ fn trial(
                 view,
                 arguments.views.grid.separation,
                 arguments.views.pace,
+                arguments.world.step,
             ),
         },
         scenario: &file_name(task),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::{ArgAction, Args};
 use fleetyard_abi::{Plan, Status};
-use fleetyard_bench::{GivenOptions, Outcome, Record, Robots, Trial, TrialInstance};
+use fleetyard_bench::{GivenOptions, Host, Outcome, Plugin, Record, Robots, Trial, TrialInstance};
 use fleetyard_check::{Pace, PathRule};
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
@@ -20,7 +20,7 @@ use fleetyard_views::{
 };
 
 use super::simulate::Sinks;
-use super::task::ViewArgs;
+use super::task::{ViewArgs, claimed};
 use crate::args::{
     BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, picture, word,
 };
@@ -104,10 +104,14 @@ enum Asked {
 }
 
 impl InstanceArgs {
-    fn load(&self, view: &ViewArgs) -> Result<Asked> {
+    fn load(&self, view: &ViewArgs, host: &Host, planner: &Plugin) -> Result<Asked> {
         if let Some(task) = &self.task {
             let problem = load_problem(task)?;
-            let view = view.choose(Representation::Grid)?.derive(&problem)?;
+            let otherwise = match view.is_open().then(|| claimed(host, planner)).transpose()? {
+                Some(only) if only.len() == 1 => only[0],
+                _ => Representation::Grid,
+            };
+            let view = view.choose(otherwise)?.derive(&problem)?;
             return Ok(Asked::View(Box::new((problem, view))));
         }
         // The parser asks for them.
@@ -143,6 +147,7 @@ impl Asked {
                         view,
                         arguments.view.grid.separation,
                         arguments.view.pace,
+                        arguments.world.step,
                     ),
                 }
             }
@@ -151,12 +156,13 @@ impl Asked {
 }
 
 /// The rules that arguments leave to a view: robots on a grid make a step at the speed that all of
-/// them have.
+/// them have, unless its duration is given.
 pub(super) fn terms(
     problem: &Problem,
     view: &View,
     separation: Separation,
     pace: Pace,
+    step_s: Option<f64>,
 ) -> PlanTerms {
     let own = match view {
         View::Grid(view) => view.spec.separation,
@@ -164,14 +170,13 @@ pub(super) fn terms(
     };
     PlanTerms {
         separation: separation.max(own),
-        step_s: view.step_s(problem),
+        step_s: step_s.unwrap_or_else(|| view.step_s(problem)),
         pace,
     }
 }
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let asked = PluginArg::new(&arguments.planner, &arguments.options)?;
-    let asked_instance = arguments.instance.load(&arguments.view)?;
     for path in [&arguments.plan_out, &arguments.picture]
         .into_iter()
         .flatten()
@@ -192,6 +197,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)
         .with_options(GivenOptions::Texts(asked.options));
+    let asked_instance = given.load(&arguments.view, &host, &planner)?;
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,

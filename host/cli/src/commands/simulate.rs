@@ -176,7 +176,7 @@ impl Scene {
             ("--model", asked.model.is_some()),
         ];
         if let Some(task) = arguments.task.task(&others)? {
-            return Self::of_task(arguments, task, config.step_s);
+            return Self::of_task(arguments, task);
         }
         let grid = arguments.map.as_deref().map(load_map).transpose()?;
         let workspace = arguments.workspace.as_deref();
@@ -197,11 +197,12 @@ impl Scene {
     }
 
     /// A plan of a view in the world of its task, by the task's robots.
-    fn of_task(arguments: &Simulate, task: &Path, step_s: f64) -> Result<Self> {
+    fn of_task(arguments: &Simulate, task: &Path) -> Result<Self> {
         let (plan, format) = (&arguments.plan, arguments.from);
-        let judgement = arguments
-            .task
-            .judge(task, plan, format, step_s, DESCRIBED)?;
+        let judgement =
+            arguments
+                .task
+                .judge(task, plan, format, arguments.world.step, DESCRIBED)?;
         Ok(Self {
             grid: None,
             plan: AnyPlan::Trajectories(judgement.lifted(plan)?),

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use fleetyard_abi::Capability;
+use fleetyard_bench::{Host, Plugin};
 use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
@@ -37,7 +39,8 @@ pub(super) struct TaskArgs {
 /// A view of a task. The argument that names the task is in the group `cells`.
 #[derive(Debug, Args)]
 pub(super) struct ViewArgs {
-    /// Kind of view [default: that of the plan, if there is one]
+    /// Kind of view [default: that of the plan; for `run` the only one that the planner claims, or
+    /// grid]
     #[arg(long, help_heading = VIEW, value_parser = word::<Representation>(), requires = "task")]
     pub(super) representation: Option<Representation>,
     /// View file that `fleetyard world grid` or `fleetyard world roadmap` wrote, in place of parameters
@@ -65,6 +68,11 @@ impl ViewArgs {
         })
     }
 
+    /// True if neither a kind nor a file is named.
+    pub(super) fn is_open(&self) -> bool {
+        self.view.is_none() && self.representation.is_none()
+    }
+
     fn spec(&self, representation: Representation) -> ViewSpec {
         match representation {
             Representation::Grid => ViewSpec::Grid(self.grid.spec()),
@@ -72,6 +80,20 @@ impl ViewArgs {
             Representation::Continuous => ViewSpec::Continuous,
         }
     }
+}
+
+/// The representations that a planner claims to plan in.
+pub(super) fn claimed(host: &Host, planner: &Plugin) -> Result<Vec<Representation>> {
+    let running = planner.start(&host.runtime)?;
+    let capabilities = running.descriptor.capabilities;
+    running.close();
+    let all = [
+        (Capability::Grid, Representation::Grid),
+        (Capability::Roadmap, Representation::Roadmap),
+        (Capability::Continuous, Representation::Continuous),
+    ];
+    let claimed = all.into_iter().filter(|(bit, _)| capabilities.has(*bit));
+    Ok(claimed.map(|(_, representation)| representation).collect())
 }
 
 /// A view that is not derived yet.
@@ -142,13 +164,14 @@ impl TaskArgs {
     }
 
     /// Reads a task and a plan of one of its views, derives the view, and judges the plan: at most
-    /// `listed` violations by either judge. A step of a plan on a grid takes `step_s` seconds.
+    /// `listed` violations by either judge. A step of a plan on a grid takes `step_s` seconds,
+    /// or what the view says.
     pub(super) fn judge(
         &self,
         task: &Path,
         plan: &Path,
         format: Option<FileFormat>,
-        step_s: f64,
+        step_s: Option<f64>,
         listed: usize,
     ) -> Result<Judgement> {
         let problem = load_problem(task)?;
@@ -159,9 +182,10 @@ impl TaskArgs {
         let view = chosen.derive(&problem)?;
         let mut looks_transposed = false;
         let (judged, plan_digest) = match &view {
-            View::Grid(view) => {
+            View::Grid(grid) => {
+                let step_s = step_s.unwrap_or_else(|| view.step_s(&problem));
                 let (judged, digest, turned) =
-                    self.judge_grid(&problem, view, &file, step_s, listed)?;
+                    self.judge_grid(&problem, grid, &file, step_s, listed)?;
                 looks_transposed = turned;
                 (judged, digest)
             }

@@ -36,9 +36,10 @@ pub(super) struct PlaneArgs {
     /// Side of a cell in metres
     #[arg(long, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     pub(super) cell_size: f64,
-    /// Duration of one step in seconds, for a plan on a grid that is judged in the plane
-    #[arg(long, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
-    pub(super) step: f64,
+    /// Duration of one step in seconds, for a plan on a grid that is judged in the plane [default: 1;
+    /// for the grid of a task the time that its slowest robot needs for a cell]
+    #[arg(long, value_name = "SECONDS")]
+    pub(super) step: Option<f64>,
 }
 
 impl PlaneArgs {
@@ -147,7 +148,8 @@ fn in_the_plane(
             .into());
     };
     file.check_map(grid)?;
-    let (cell_size_m, step_s) = (arguments.cell_size, arguments.step);
+    let cell_size_m = arguments.cell_size;
+    let step_s = arguments.step.unwrap_or(SimConfig::default().step_s);
     check_rule(rule, file.plan.agents())?;
     let in_the_plane = match rule {
         PathRule::Steps => TrajectoryPlan::from_grid,
