@@ -108,7 +108,12 @@ impl Line {
             planner,
             valid_in_view: judged.and_then(|judged| Some(judged.view.as_ref()?.is_valid())),
             valid_in_world: judged.and_then(|judged| Some(judged.world.as_ref()?.valid)),
-            failure: record.failure(),
+            failure: record
+                .failure()
+                .map(|failure| match record.sentences().first() {
+                    Some(first) => format!("{failure}, {first}"),
+                    None => failure,
+                }),
             length_m: record.metrics.length_m,
             soc_s: record.metrics.soc_s,
             makespan_s: record.metrics.makespan_s,
@@ -117,9 +122,7 @@ impl Line {
             nearest_approach_m: figures.and_then(|figures| figures.nearest_approach_m),
         }
     }
-}
 
-impl Line {
     /// A planner that says that it cannot.
     fn refused(view: ViewName, planner: String, failure: String) -> Self {
         Self {
