@@ -79,6 +79,16 @@ static bool is_free(const Ground *ground, Point a, Point b) {
   for (uint32_t robot = 0; robot < ground->robots; robot++)
     if (from_segment(ground->resting[robot], a, b) < ground->reach[robot])
       return false;
+  for (uint64_t i = 0; i < space->mover_count; i++) { /* away from wherever it may ever be */
+    const FleetyardMover *mover = space->movers[i];
+    double away_m = ground->radius_m + mover->footprint->radius_m;
+    for (uint32_t knot = 0; knot < mover->knots; knot++) {
+      uint32_t next = knot + 1 < mover->knots ? knot + 1 : knot;
+      Point c = {mover->x_m[knot], mover->y_m[knot]}, d = {mover->x_m[next], mover->y_m[next]};
+      if (!keeps_away(a, b, c, d, away_m))
+        return false;
+    }
+  }
   for (uint32_t i = 0; i < space->obstacles; i++) {
     uint64_t begin = space->corner_offsets[i], end = space->corner_offsets[i + 1];
     bool inside = false;
@@ -124,6 +134,12 @@ static bool find_way(Nodes *nodes, const Ground *ground, Point start, Point goal
   if (!is_free(ground, start, goal)) { /* else it needs no corners */
     for (uint64_t at = 0; at < ground->space->corner_offsets[ground->space->obstacles]; at++)
       add_ring(nodes, ground, corner(ground->space, at), ground->radius_m);
+    for (uint64_t i = 0; i < ground->space->mover_count; i++) {
+      const FleetyardMover *mover = ground->space->movers[i];
+      for (uint32_t knot = 0; knot < mover->knots; knot++)
+        add_ring(nodes, ground, (Point){mover->x_m[knot], mover->y_m[knot]},
+                 ground->radius_m + mover->footprint->radius_m);
+    }
     for (uint32_t robot = 0; robot < ground->robots; robot++)
       if (ground->reach[robot] > 0)
         add_ring(nodes, ground, ground->resting[robot], ground->reach[robot]);
@@ -196,8 +212,6 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
                     const FleetyardBudget *budget, const FleetyardSink *sink) {
   const FleetyardWorkspace *space = fleetyard_workspace(instance->environment, sink);
   uint32_t agents = instance->agents, left = agents;
-  if (space->mover_count > 0)
-    return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED, "this planner knows no movers");
   Point *at = fleetyard_array(agents, sizeof *at);
   double *reach = fleetyard_array(agents, sizeof *reach), time_s = 0;
   bool *there = fleetyard_array(agents, sizeof *there), moving = true;

@@ -23,6 +23,8 @@ constexpr double infinite = std::numeric_limits<double>::infinity(), whole_turn 
 
 double distance(Point a, Point b) { return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m); }
 
+Point position(const fleetyard::Knot &knot) { return {knot.x_m, knot.y_m}; }
+
 double from_segment(Point p, Point a, Point b) {
   const double dx = b.x_m - a.x_m, dy = b.y_m - a.y_m, length = dx * dx + dy * dy;
   const double ahead = (p.x_m - a.x_m) * dx + (p.y_m - a.y_m) * dy;
@@ -48,6 +50,12 @@ struct Circle {
   double reach_m;
 };
 
+/* Where a mover is between two knots: the centre of who drives keeps away, whatever the time. */
+struct Swept {
+  Point from, to;
+  double reach_m;
+};
+
 /* What a robot that drives has to keep away from, as it is seen from its centre. */
 class Ground {
 public:
@@ -56,6 +64,13 @@ public:
         resting_(std::move(resting)) {
     for (std::size_t at = 0; at < space.obstacles(); at++)
       obstacles_.push_back(space.obstacle(at));
+    for (std::size_t at = 0; at < space.movers(); at++) {
+      const fleetyard::Mover mover = space.mover(at);
+      const double reach_m = radius_m + mover.footprint().radius_m();
+      for (std::size_t knot = 0; knot < mover.knots(); knot++)
+        movers_.push_back({position(mover.knot(knot)),
+                           position(mover.knot(std::min(knot + 1, mover.knots() - 1))), reach_m});
+    }
   }
 
   /* Whether the robot may drive straight from a point to another one. */
@@ -64,6 +79,10 @@ public:
            std::all_of(resting_.begin(), resting_.end(),
                        [&](const Circle &circle) {
                          return from_segment(circle.centre, a, b) >= circle.reach_m;
+                       }) &&
+           std::all_of(movers_.begin(), movers_.end(),
+                       [&](const Swept &swept) {
+                         return between(a, b, swept.from, swept.to) >= swept.reach_m;
                        }) &&
            std::all_of(obstacles_.begin(), obstacles_.end(),
                        [&](const std::vector<Point> &polygon) { return is_past(polygon, a, b); });
@@ -78,6 +97,9 @@ public:
           add_ring(points, {corner, radius_m_});
       for (const Circle &circle : resting_)
         add_ring(points, circle);
+      for (const Swept &swept : movers_)
+        for (const Point end : {swept.from, swept.to})
+          add_ring(points, {end, swept.reach_m});
     }
     std::vector<double> length(points.size(), infinite);
     std::vector<std::size_t> before(points.size());
@@ -144,6 +166,7 @@ private:
   double radius_m_;
   std::vector<Circle> resting_;
   std::vector<std::vector<Point>> obstacles_;
+  std::vector<Swept> movers_;
 };
 
 /* One robot after the other drives while the others rest. */
@@ -179,8 +202,6 @@ public:
   void plan(const fleetyard::Instance &instance, const fleetyard::Budget &,
             const fleetyard::Sink &sink) override {
     const fleetyard::Workspace space = instance.workspace();
-    if (space.movers() > 0)
-      throw fleetyard::Failure(fleetyard::Status::unsupported, "this planner knows no movers");
     const std::size_t agents = instance.agents();
     std::vector<std::vector<Knot>> paths(agents);
     for (std::size_t agent = 0; agent < agents; agent++)
@@ -215,8 +236,6 @@ public:
   }
 
 private:
-  static Point position(const Knot &knot) { return {knot.x_m, knot.y_m}; }
-
   static Knot knot(double time_s, const fleetyard::Robot &robot, fleetyard::Span<double> state) {
     Knot knot{time_s, state[0], state[1]};
     if (robot.has_heading() && state.size() > 2)
