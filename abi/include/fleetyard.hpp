@@ -1339,8 +1339,11 @@ public:
 
   void check(const Environment &environment) const {
     const auto code = static_cast<unsigned>(environment.representation());
+    const std::array<const char *, 3> names{"grid", "roadmap", "continuous"};
     if (!claims(std::uint64_t{1} << (code - 1)))
-      unsupported("this plugin does not know representation " + std::to_string(code));
+      unsupported("this plugin does not know representation " +
+                  (code <= names.size() ? "`" + std::string(names[code - 1]) + "`"
+                                        : std::to_string(code)));
     if (environment.representation() == Representation::grid &&
         environment.grid().connectivity() != 4 &&
         !(environment.grid().connectivity() == 8 && claims(capability::eight_connected)))

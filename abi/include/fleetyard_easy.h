@@ -303,6 +303,11 @@ static inline int32_t fleetyard_check_environment(const FleetyardEnvironment *en
                                                   const FleetyardSink *sink) {
   FLEETYARD_CHECK(FLEETYARD_WHOLE(environment, sink));
   /* The capabilities of representations are in the order of their codes. */
+  static const char *const names[] = {"grid", "roadmap", "continuous"};
+  int32_t code = environment->representation;
+  if (code >= 1 && code <= 3 && !(about->capabilities >> (code - 1) & 1))
+    return fleetyard_fail(sink, FLEETYARD_STATUS_UNSUPPORTED,
+                          "this plugin does not know representation `%s`", names[code - 1]);
   FLEETYARD_CHECK(fleetyard_code(environment->representation,
                                  (uint32_t)(about->capabilities & 7) << 1, "representation",
                                  sink));
