@@ -74,16 +74,40 @@ fn have_all(programs: &[&str]) -> bool {
 #[test]
 fn rust() {
     for kind in KINDS {
-        works("rust", kind, |folder| {
-            prepare_package(folder);
-            let formatted = Command::new("rustfmt")
-                .args(["--check", "--edition", "2024"])
-                .args([folder.join("src/lib.rs"), folder.join("tests/plugin.rs")])
-                .output();
-            if let Ok(output) = formatted {
-                assert!(output.status.success(), "{output:?}");
-            }
-        });
+        works("rust", kind, is_formatted);
+    }
+}
+
+/// Gets the dependencies of a package in Rust, whose files are formatted.
+fn is_formatted(folder: &Path) {
+    prepare_package(folder);
+    let formatted = Command::new("rustfmt")
+        .args(["--check", "--edition", "2024"])
+        .args([folder.join("src/lib.rs"), folder.join("tests/plugin.rs")])
+        .output();
+    if let Ok(output) = formatted {
+        assert!(output.status.success(), "{output:?}");
+    }
+}
+
+#[test]
+fn rust_planners_for_roadmaps_and_the_plane() {
+    let yard = Yard::new().with_cargo();
+    for on in ["roadmap", "continuous"] {
+        let name = format!("my-{on}");
+        yard.line(&format!(
+            "plugins new {name} --lang rust --representation {on}"
+        ))
+        .expect(SUCCESS);
+        is_formatted(&yard.path(&name));
+        let cargo = format!("--release --manifest-path {name}/Cargo.toml");
+        let ran = yard.shell(&format!("cargo test {cargo} && cargo build {cargo}"));
+        let ran = ran.expect(SUCCESS);
+        assert!(!ran.stderr.contains("warning"), "{ran}");
+        let library = format!("{name}/target/release/libmy_{on}.so");
+        let checked = yard.line(&format!("plugins check {library} {ONLY}"));
+        let checked = checked.expect(SUCCESS).stdout;
+        assert!(checked.contains(" 0 failed, 0 crashed"), "{checked}");
     }
 }
 
@@ -289,9 +313,9 @@ fn bad_requests_are_refused_and_leave_nothing() {
         ["can be a planner, but no fail-policy", "--lang python"],
     );
     refused(
-        "--lang rust --representation roadmap x",
+        "--lang command --representation roadmap x",
         USAGE,
-        ["planners in Python", "--lang python"],
+        ["that no manifest describes", "--lang rust"],
     );
     refused("--lang cobol x", USAGE, ["cobol", "python"]);
     refused("--lang c --kind robot x", USAGE, ["robot", "fail-policy"]);

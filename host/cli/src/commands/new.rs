@@ -158,11 +158,12 @@ pub(crate) fn new(arguments: &New) -> Result<Exit> {
         out,
     } = arguments;
     let (lang, kind, on) = (*lang, *kind, *representation);
-    let knows_maps = matches!(lang, Lang::Python | Lang::C | Lang::Cpp);
-    if on != Representation::Grid && !(knows_maps && kind == Kind::Planner) {
-        let reason = "maps other than grids are for planners in Python, C and C++";
-        return Err(Failure::new(Exit::Usage, reason)
-            .hint("--kind planner with --lang python, c or cpp, or leave out --representation"));
+    let knows_maps = lang != Lang::Command && kind == Kind::Planner;
+    if on != Representation::Grid && !knows_maps {
+        let reason = "maps other than grids are for planners that no manifest describes";
+        return Err(Failure::new(Exit::Usage, reason).hint(
+            "--kind planner with --lang rust, c, cpp or python, or leave out --representation",
+        ));
     }
     let scaffold = scaffold(lang, kind, on, &Name::new(name, lang)?)?;
     // What is below `.` needs no `./` in any of the commands.
@@ -263,8 +264,8 @@ fn scaffold(lang: Lang, kind: Kind, on: Representation, name: &Name) -> Result<S
     let yours = "the plugin: your code goes here";
     let (build, test, plugin) = match lang {
         Lang::Rust => {
-            add("src/lib.rs", of_kind!(kind, "rust/", ".rs"), yours);
-            let test = of_kind!(kind, "rust/tests/", ".rs");
+            add("src/lib.rs", of_map!(kind, on, "rust/", ".rs"), yours);
+            let test = of_map!(kind, on, "rust/tests/", ".rs");
             add("tests/plugin.rs", test, "its test");
             add("tests/host/mod.rs", template!("rust/tests/host.rs"), "");
             add(

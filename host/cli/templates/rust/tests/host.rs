@@ -5,18 +5,22 @@
 use std::sync::{Arc, Mutex};
 
 use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{Budget, GridEnvironment, LogLevel, PlanRef, Request, SharedEnvironment};
+use fleetyard_abi::{Budget, GridEnvironment, LogLevel, Plan, PlanRef, Request, SharedEnvironment};
 
 #[derive(Default)]
 pub struct Host {
+    pub plan: Mutex<Option<Plan>>,
     pub paths: Mutex<Vec<Vec<u32>>>,
     pub goals: Mutex<Vec<Vec<u32>>>,
 }
 
 impl Sink for Host {
     fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        let plan = plan.to_plan().into_cells().ok_or(Rejected::Malformed)?;
-        *self.paths.lock().unwrap() = plan.paths().map(<[u32]>::to_vec).collect();
+        let plan = plan.to_plan();
+        if let Plan::Cells(cells) = &plan {
+            *self.paths.lock().unwrap() = cells.paths().map(<[u32]>::to_vec).collect();
+        }
+        *self.plan.lock().unwrap() = Some(plan);
         Ok(())
     }
     fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
