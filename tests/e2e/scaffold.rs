@@ -76,6 +76,7 @@ fn rust() {
     for kind in KINDS {
         works("rust", kind, is_formatted);
     }
+    rust_planners_for_roadmaps_and_the_plane();
 }
 
 /// Gets the dependencies of a package in Rust, whose files are formatted.
@@ -90,7 +91,7 @@ fn is_formatted(folder: &Path) {
     }
 }
 
-#[test]
+/// The same for the other maps, one after the other: builds share a folder.
 fn rust_planners_for_roadmaps_and_the_plane() {
     let yard = Yard::new().with_cargo();
     for on in ["roadmap", "continuous"] {

@@ -3,7 +3,7 @@
 mod host;
 
 use fleetyard_abi::sdk::{FailPolicy, Options, Plugin};
-use fleetyard_abi::{GridPlan, Instance};
+use fleetyard_abi::{GridPlan, Instance, Plan};
 use host::{BUDGET, Host, map};
 
 use example_plugin::SafePrefix;
@@ -11,7 +11,7 @@ use example_plugin::SafePrefix;
 /// Paths of the policy for two agents at the ends of a corridor of four cells.
 fn recover(options: &str, failed: Option<[&[u32]; 2]>) -> Vec<Vec<u32>> {
     let host = Host::default();
-    let failed = failed.map(GridPlan::from_paths);
+    let failed = failed.map(|paths| Plan::Cells(GridPlan::from_paths(paths)));
     let mut policy = SafePrefix::create(Options::new(options)).unwrap();
     let mut map = policy.prepare(&map(&["...."]), &BUDGET, &host).unwrap();
     let instance = Instance::one_shot(vec![0, 3], vec![3, 0]);
