@@ -59,8 +59,8 @@ pub struct PlaneOptions {
     /// Most orders of priority to try.
     #[schemars(range(min = 1))]
     pub orders: u64,
-    /// Distance that robots keep from obstacles beyond touching them, in metres, where there is
-    /// room for it: who drives in steps cuts corners a little.
+    /// Distance that robots keep from obstacles and from each other beyond touching, in metres,
+    /// where there is room for it: who drives in steps cuts corners a little.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub clearance_m: f64,
 }

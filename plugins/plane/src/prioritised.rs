@@ -68,7 +68,8 @@ const MARGIN: f64 = 1e-9;
 /// Bounds of the search, and its choices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
-    /// Metres that discs keep from obstacles beyond touching them, where there is room for it.
+    /// Metres that discs keep from obstacles and from each other beyond touching, where there is
+    /// room for it.
     pub clearance: f64,
     /// Most orders of priority to try.
     pub limit: u64,
@@ -150,25 +151,30 @@ pub fn plan(
                 let goals = before.map(|other| rest(other.goal, other.radius));
                 let goals: Vec<_> = goals.chain(parked.iter().copied()).collect();
                 let starts = after.map(|other| rest(other.start, other.radius));
-                let moving = order[..place].iter().flat_map(|other| {
-                    let distance = (disc.radius + discs[*other as usize].radius) * (1.0 + MARGIN);
-                    obstructions(&plans[*other as usize], distance)
-                });
-                let moved = world.movers.iter().flat_map(|mover| {
-                    obstructions(&mover.stops, (disc.radius + mover.radius) * (1.0 + MARGIN))
-                });
-                let moving: Vec<Obstruction> = moving.chain(moved).collect();
+                let moving = |clearance: f64| -> Vec<Obstruction> {
+                    let own = disc.radius;
+                    let distance = |other: f64| (own + other) * (1.0 + MARGIN) + clearance;
+                    let planned = order[..place].iter().flat_map(|other| {
+                        let other = *other as usize;
+                        obstructions(&plans[other], distance(discs[other].radius))
+                    });
+                    let moved = world.movers.iter();
+                    let moved =
+                        moved.flat_map(|mover| obstructions(&mover.stops, distance(mover.radius)));
+                    planned.chain(moved).collect()
+                };
+                let moving = [moving(effort.clearance), moving(0.0)];
                 let all = goals.iter().copied().chain(starts).collect();
                 let (found, level) = places[agent];
-                let levels = &known[found].levels[level..];
+                let levels = std::iter::zip(&known[found].levels, &moving).skip(level);
                 let stops = [all, goals.clone(), Vec::new()]
                     .into_iter()
-                    .flat_map(|rests| levels.iter().map(move |level| (level, rests.clone())))
-                    .find_map(|(level, rests)| {
+                    .flat_map(|rests| levels.clone().map(move |level| (level, rests.clone())))
+                    .find_map(|((level, moving), rests)| {
                         let obstacles = level.with_discs(rests);
                         let way =
                             Tangents::new(&obstacles).shortest(disc.start, disc.goal, stop)?;
-                        earliest(&way.places, disc.speed, &moving)
+                        earliest(&way.places, disc.speed, moving)
                     });
                 if stop() {
                     return Attempt::Stopped;
