@@ -478,11 +478,11 @@ fn a_table_compares_the_views_of_a_task() {
     assert_eq!(row(0, "valid_in_view"), true);
     assert_eq!(row(0, "valid_in_world"), false);
     ended.expect(NO_PLAN);
-    for number in 1..rows.len() {
-        assert_eq!(row(number, "failure"), Value::Null, "{}", rows[number]);
-        assert_eq!(row(number, "valid_in_world"), true);
-        assert_eq!(row(number, "contacts"), 0);
-        assert!(row(number, "length_m").as_f64() < row(0, "length_m").as_f64());
+    for other in &rows[1..] {
+        assert_eq!(other["failure"], Value::Null, "{other}");
+        assert_eq!(other["valid_in_world"], true, "{other}");
+        assert_eq!(other["contacts"], 0, "{other}");
+        assert!(other["length_m"].as_f64() < row(0, "length_m").as_f64());
     }
     // A planner is not to blame for what its view does not show.
     assert_eq!(report["trials"][0]["claims"][0]["agrees"], true);

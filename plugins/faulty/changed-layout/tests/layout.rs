@@ -17,8 +17,8 @@ fn a_changed_structure_is_found_and_named() {
             &added::LAYOUT,
             &[
                 "Budget (",
-                "48 bytes expected, 56 found",
-                "7 fields expected, 8 found",
+                "72 bytes expected, 80 found",
+                "9 fields expected, 10 found",
             ][..],
         ),
         (
