@@ -54,7 +54,7 @@ struct Wall {
     away_m: f64,
 }
 
-/// What a robot that drives has to keep away from, as it is seen from its centre.
+/// The obstacles of a robot that drives, as they are seen from its centre.
 struct Ground<'a> {
     space: &'a WorkspaceEnvironment,
     radius_m: f64,

@@ -269,16 +269,26 @@ pub(crate) fn thread_limit(trial: &mut Trial<'_>) -> Step<()> {
         None => small(trial)?,
     };
     let call = Call::of(at_least(trial.config().slice() * 2, 500));
-    // Starting, and learning the map, are no matter of this budget.
-    let idle = used(trial, &*scene, &call, 0)?;
-    let Used { cpu, wall, .. } = used(trial, &*scene, &call, 1)?;
-    let spent = cpu.saturating_sub(idle.cpu);
-    trial.figure("cpu_ms", milliseconds(spent));
+    let mut measure = || -> Step<(Duration, Duration)> {
+        // Starting, and learning the map, are no matter of this budget.
+        let idle = used(trial, &*scene, &call, 0)?;
+        let Used { cpu, wall, .. } = used(trial, &*scene, &call, 1)?;
+        Ok((cpu.saturating_sub(idle.cpu), wall))
+    };
+    let is_more =
+        |(cpu, wall): (Duration, Duration)| cpu > wall.mul_f64(1.25) + Duration::from_millis(50);
+    let mut spent = measure()?;
+    if is_more(spent) {
+        // Who works with more threads does so each time; a start may cost more than another one.
+        spent = measure()?;
+    }
+    let (cpu, wall) = spent;
+    trial.figure("cpu_ms", milliseconds(cpu));
     trial.figure("wall_ms", milliseconds(wall));
-    if spent > wall.mul_f64(1.25) + Duration::from_millis(50) {
+    if is_more(spent) {
         return Err(Stop::Failed(format!(
             "allowed one thread, it spent {:.0} ms of CPU time in {:.0} ms",
-            milliseconds(spent),
+            milliseconds(cpu),
             milliseconds(wall)
         )));
     }
