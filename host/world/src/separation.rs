@@ -80,6 +80,9 @@ fn length_and_direction(vector: Vector) -> (f64, Vector) {
     }
 }
 
+/// Distances that may be nothing but roundings.
+const ROUNDING_M: f64 = 1e-12;
+
 /// The signed distance of a point from a polygon, below 0 inside, and the
 /// direction in which it grows.
 fn from_point(polygon: &Shape, point: Vector) -> (f64, Vector) {
@@ -102,10 +105,11 @@ fn from_point(polygon: &Shape, point: Vector) -> (f64, Vector) {
         }
     }
     let (distance, direction) = length_and_direction(nearest.1);
-    if distance > inside.0 {
+    if distance > inside.0.max(ROUNDING_M) {
         (distance, direction)
     } else {
-        // Nearest is the inside of an edge; its normal has fewer roundings.
+        // Nearest is the inside of an edge, whose normal has fewer roundings, or the point is on the
+        // edge, and the way to it has no direction.
         inside
     }
 }
