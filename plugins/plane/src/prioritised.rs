@@ -6,6 +6,8 @@
 //! goals leave ways between them everybody arrives in any order (M. Čáp, P. Novák, A. Kleiner, M. Selecký, "Prioritized planning
 //! algorithms for trajectory coordination of multiple mobile robots", IEEE T-ASE 12(3), 2015: well-formed infrastructures).
 
+use std::cell::LazyCell;
+
 use crate::Vector;
 use crate::bins::Rectangle;
 use crate::obstacles::{self, Obstacles};
@@ -163,7 +165,9 @@ pub fn plan(
                         moved.flat_map(|mover| obstructions(&mover.stops, distance(mover.radius)));
                     planned.chain(moved).collect()
                 };
-                let moving = [moving(effort.clearance), moving(0.0)];
+                // Most find a way with clearance, and never ask for the other.
+                let moving = [effort.clearance, 0.0]
+                    .map(|clearance| LazyCell::new(move || moving(clearance)));
                 let all = goals.iter().copied().chain(starts).collect();
                 let (found, level) = places[agent];
                 let levels = std::iter::zip(&known[found].levels, &moving).skip(level);
