@@ -14,6 +14,8 @@ use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
+use crate::verdict::{keep_first, other_counts};
+
 /// The data that a plan in continuous space is judged by.
 #[derive(Debug, Clone)]
 pub struct ContinuousTask<'a> {
@@ -244,13 +246,9 @@ pub fn validate_trajectories(
             sentence,
         }
     }));
-    violations.sort_by(|one, two| {
-        one.time_s
-            .total_cmp(&two.time_s)
-            .then_with(|| one.agents.cmp(&two.agents))
-            .then(one.rule.cmp(&two.rule))
+    keep_first(&mut violations, limit, |violation| {
+        (violation.time_s, &violation.agents, violation.rule)
     });
-    violations.truncate(limit);
     ContinuousVerdict {
         valid: violations.is_empty(),
         violations,
@@ -270,18 +268,16 @@ fn check_counts(
         ("goals", task.goals.map(<[_]>::len)),
         ("limits", task.limits.map(<[_]>::len)),
     ];
-    for (what, count) in counts {
-        if let Some(count) = count.filter(|count| *count != agents) {
-            violations.push(ContinuousViolation {
-                rule: ContinuousRule::AgentCount,
-                agents: Vec::new(),
-                time_s: 0.0,
-                end_s: None,
-                excess: None,
-                sentence: format!("the plan has {agents} agents, but there are {count} {what}"),
-            });
-        }
-    }
+    violations.extend(
+        other_counts(agents, counts).map(|sentence| ContinuousViolation {
+            rule: ContinuousRule::AgentCount,
+            agents: Vec::new(),
+            time_s: 0.0,
+            end_s: None,
+            excess: None,
+            sentence,
+        }),
+    );
 }
 
 fn check_places(

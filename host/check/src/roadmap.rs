@@ -26,6 +26,8 @@ use fleetyard_world::exact::{ContactInterval, ContactSearch, Obstacles, Touched,
 use fleetyard_world::{Pose, Relative, Shape};
 use serde::{Deserialize, Serialize};
 
+use crate::verdict::{keep_first, other_counts};
+
 /// Speeds that robots on a roadmap may have besides 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Pace {
@@ -210,13 +212,9 @@ pub fn validate_roadmap(
         violations.extend(named);
         checked_until_s = found.until_s;
     }
-    violations.sort_by(|one, two| {
-        one.time_s
-            .total_cmp(&two.time_s)
-            .then_with(|| one.agents.cmp(&two.agents))
-            .then(one.rule.cmp(&two.rule))
+    keep_first(&mut violations, limit, |violation| {
+        (violation.time_s, &violation.agents, violation.rule)
     });
-    violations.truncate(limit);
     RoadmapVerdict {
         valid: violations.is_empty(),
         violations,
@@ -250,13 +248,11 @@ fn check_counts(
 ) {
     let agents = plan.agents();
     let counts = [("starts", task.starts), ("goals", task.goals)];
-    for (what, given) in counts {
-        if let Some(count) = given.map(<[_]>::len).filter(|count| *count != agents) {
-            let sentence = format!("the plan has {agents} agents, but there are {count} {what}");
-            let rule = RoadmapRule::AgentCount;
-            violations.push(violation(rule, None, 0.0, Vec::new(), sentence));
-        }
-    }
+    let counts = counts.map(|(what, given)| (what, given.map(<[_]>::len)));
+    violations.extend(
+        other_counts(agents, counts)
+            .map(|sentence| violation(RoadmapRule::AgentCount, None, 0.0, Vec::new(), sentence)),
+    );
 }
 
 fn check_places(

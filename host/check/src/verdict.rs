@@ -114,3 +114,32 @@ pub struct Verdict {
     /// Number of violations in all.
     pub violation_count: u64,
 }
+
+/// Keeps the first `limit` violations by time, then agents, then rule.
+pub(crate) fn keep_first<V, R: Ord>(
+    violations: &mut Vec<V>,
+    limit: usize,
+    key: impl Fn(&V) -> (f64, &[u32], R),
+) {
+    violations.sort_by(|one, two| {
+        let ((one_s, one_agents, one_rule), (two_s, two_agents, two_rule)) = (key(one), key(two));
+        one_s
+            .total_cmp(&two_s)
+            .then_with(|| one_agents.cmp(two_agents))
+            .then(one_rule.cmp(&two_rule))
+    });
+    violations.truncate(limit);
+}
+
+/// A sentence for each count that is given and is another one than the plan's `agents`.
+pub(crate) fn other_counts<const N: usize>(
+    agents: usize,
+    counts: [(&'static str, Option<usize>); N],
+) -> impl Iterator<Item = String> {
+    counts.into_iter().filter_map(move |(what, count)| {
+        let count = count.filter(|count| *count != agents)?;
+        Some(format!(
+            "the plan has {agents} agents, but there are {count} {what}"
+        ))
+    })
+}
