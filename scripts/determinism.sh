@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The simulator's golden digests in every build and on every target at hand: debug
-# and release, the processor's own instructions, 32 bits, WebAssembly.
+# Golden digests of the simulator and of the views of tasks, in every build and on every
+# target at hand: debug and release, the processor's own instructions, 32 bits, WebAssembly.
 #
 #   scripts/determinism.sh
 #
@@ -26,7 +26,7 @@ build() {
 }
 left_out() { printf '%-28sleft out: %s\n' "$1" "$2"; }
 
-golden=(test -p fleetyard-sim --locked --test it golden::)
+golden=(test -p fleetyard-sim -p fleetyard-views --locked --test it golden)
 targets=$(rustup target list --installed 2>/dev/null || true)
 
 build "debug" cargo "${golden[@]}"

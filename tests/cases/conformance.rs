@@ -22,6 +22,7 @@ use crate::{Tests, says};
 pub(crate) fn add(tests: &mut Tests) {
     built_in(tests);
     examples(tests);
+    kept(tests);
     promises(tests);
     faulty_libraries(tests);
     faulty_programs(tests);
@@ -235,6 +236,8 @@ fn examples(tests: &mut Tests) {
     for (language, name, attachment) in [
         ("c", "prioritized", IN_WORKER),
         ("c", "prioritized", IN_HOST),
+        ("c", "roadmap_sipp", IN_WORKER),
+        ("c", "roadmap_sipp", IN_HOST),
         ("c", "stop_before", IN_WORKER),
         ("c", "stop_before", IN_HOST),
         ("c", "first_task", ""),
@@ -244,6 +247,8 @@ fn examples(tests: &mut Tests) {
         ("cpp", "follow", ""),
         ("cpp", "nearest_task", ""),
         ("cpp", "just_in_time", ""),
+        ("cpp", "set_out", IN_WORKER),
+        ("cpp", "set_out", IN_HOST),
     ] {
         let test = format!("conformance::examples::{language}::{name} {attachment}");
         tests.add(test.trim_end(), move || {
@@ -296,6 +301,23 @@ fn examples(tests: &mut Tests) {
         );
         assert_eq!(document["summary"]["passed"], 6, "{document}");
     });
+}
+
+/// The library that was written for contract 1.0, on the header of that time.
+fn kept(tests: &mut Tests) {
+    for (kind, plugins) in [("planner", 3)]
+        .into_iter()
+        .chain(MODULES.map(|kind| (kind, 1)))
+    {
+        for attachment in [IN_WORKER, IN_HOST] {
+            let name = format!("conformance::contract 1.0::{kind} {attachment}");
+            tests.add(&name, move || {
+                let library = c_library("abi/tests/kept/1.0/kept.c", None);
+                let arguments = format!("--kind {kind} {attachment}");
+                passes(&library.display().to_string(), plugins, &arguments);
+            });
+        }
+    }
 }
 
 /// A solver for the command line that stays at home, and exits with 3 when it should not.

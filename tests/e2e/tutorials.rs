@@ -19,12 +19,14 @@ use snapbox::{Assert, Data};
 
 /// Follows a page in a folder of its own, and compares.
 fn follow(page: &str, needed: &[&str]) {
-    if !needed.iter().all(|program| have(program)) {
-        return;
+    if needed.iter().all(|program| have(program)) {
+        // Where plugins are found as everybody's are.
+        follow_in(&Yard::new().with_cargo().set("XDG_DATA_HOME", ""), page);
     }
+}
+
+fn follow_in(yard: &Yard, page: &str) {
     let path = root().join("docs/tutorials").join(page);
-    // Where plugins are found as everybody's are.
-    let yard = Yard::new().with_cargo().set("XDG_DATA_HOME", "");
     let text = fs::read_to_string(&path).unwrap();
     let mut followed = String::new();
     let mut lines = text.lines();
@@ -37,7 +39,7 @@ fn follow(page: &str, needed: &[&str]) {
         match info.split_once(' ') {
             None if info == "console" => {
                 for command in block.iter().filter_map(|line| line.strip_prefix("$ ")) {
-                    let _ = writeln!(followed, "$ {command}\n{}", run(&yard, command));
+                    let _ = writeln!(followed, "$ {command}\n{}", run(yard, command));
                     // A blank line here is the end of the output.
                     followed.truncate(followed.trim_end().len());
                     followed.push('\n');
@@ -45,7 +47,7 @@ fn follow(page: &str, needed: &[&str]) {
                 followed.push_str("```\n");
                 continue;
             }
-            None if info == "diff" => change(&yard, &block),
+            None if info == "diff" => change(yard, &block),
             Some((_, name)) => {
                 yard.write(name, block.join("\n") + "\n");
             }
@@ -114,6 +116,21 @@ fn python() {
 #[test]
 fn command() {
     follow("command.md", &["python3"]);
+}
+
+/// The page's pictures are those that its commands draw.
+#[test]
+fn three_views() {
+    let yard = Yard::new();
+    std::os::unix::fs::symlink(root().join("maps"), yard.path("maps")).unwrap();
+    follow_in(&yard, "three-views.md");
+    for name in ["views-grid.svg", "views-roadmap.svg", "views-plane.svg"] {
+        let path = root().join("docs/images").join(name);
+        Assert::new().action_env("SNAPSHOTS").eq(
+            Data::binary(yard.read(name)),
+            Data::read_from(&path, Some(DataFormat::Binary)),
+        );
+    }
 }
 
 /// Lines of code of a file: neither blank nor comment, docstrings included.

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
@@ -75,7 +75,7 @@ fn factory_identifiers_are_in_the_header() {
     }
 }
 
-fn installed(program: &str) -> bool {
+pub(crate) fn installed(program: &str) -> bool {
     Command::new(program)
         .arg("--version")
         .output()
@@ -106,7 +106,7 @@ fn compile(program: &str, arguments: &[&str], extension: &str) {
 }
 
 /// Compilers with their standards, and how they and files call the language.
-const COMPILERS: [(&str, &str, &str, &str); 4] = [
+pub(crate) const COMPILERS: [(&str, &str, &str, &str); 4] = [
     ("gcc", "-std=c11", "c", "c"),
     ("g++", "-std=c++17", "c++", "cpp"),
     ("clang", "-std=c11", "c", "c"),
@@ -148,20 +148,21 @@ fn example() -> String {
 }
 
 /// Runs a program that has to succeed; its standard output.
-fn succeed(command: &mut Command) -> String {
+pub(crate) fn succeed(command: &mut Command) -> String {
     let output = command.output().expect("the program starts");
     let log = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{command:?}:\n{log}");
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-fn strict(compiler: &str, standard: &str) -> Command {
+/// A compiler that takes no warnings, with a folder of headers.
+pub(crate) fn strict(compiler: &str, standard: &str, include: &Path) -> Command {
     let mut command = Command::new(compiler);
     command
         .arg(standard)
         .args(["-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"])
         .args(["-Wsign-conversion", "-Wshadow", "-Werror", "-I"])
-        .arg(root().join("include"));
+        .arg(include);
     command
 }
 
@@ -172,7 +173,7 @@ fn the_easy_header_reads_views_and_refuses_what_it_does_not_know() {
     for (compiler, standard, language, _) in COMPILERS {
         if installed(compiler) {
             succeed(
-                strict(compiler, standard)
+                strict(compiler, standard, &root().join("include"))
                     .args(["-x", language])
                     .arg(root().join("tests/it/easy.c"))
                     .arg("-o")
@@ -207,7 +208,7 @@ fn the_cpp_header_makes_a_library_with_one_symbol() {
         let mut script = std::ffi::OsString::from("-Wl,--version-script=");
         script.push(root().join("include/fleetyard.map"));
         succeed(
-            strict(compiler, standard)
+            strict(compiler, standard, &root().join("include"))
                 .args(["-fPIC", "-shared", "-fvisibility=hidden"])
                 .arg(script)
                 .arg("-o")
@@ -233,7 +234,7 @@ fn the_cpp_header_reads_views_and_keeps_exceptions() {
     let program = folder.path().join("wrapper");
     for (compiler, standard) in cpp().into_iter().step_by(2) {
         succeed(
-            strict(compiler, standard)
+            strict(compiler, standard, &root().join("include"))
                 .arg("-o")
                 .arg(&program)
                 .arg(root().join("tests/it/wrapper.cpp")),

@@ -2,6 +2,7 @@
 
 mod figures;
 mod header;
+mod kept;
 mod lists;
 mod paths;
 mod refusals;

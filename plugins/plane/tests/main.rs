@@ -88,8 +88,18 @@ fn motion() -> impl Strategy<Value = Motion> {
     ]
 }
 
+/// As many cases as `PROPTEST_CASES` asks for.
+fn cases(otherwise: u32) -> ProptestConfig {
+    let asked = std::env::var("PROPTEST_CASES").ok();
+    ProptestConfig::with_cases(
+        asked
+            .and_then(|asked| asked.parse().ok())
+            .unwrap_or(otherwise),
+    )
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(cases(20_000))]
 
     #[test]
     fn start_times_are_those_at_which_motions_come_too_close(

@@ -60,7 +60,8 @@ pub fn c_library(source: &str, variant: Option<&str>) -> PathBuf {
         .arg(&include)
         .arg("-o")
         .arg(&unfinished)
-        .arg(&source);
+        .arg(&source)
+        .arg("-lm");
     let output = command.output().expect("a compiler is needed");
     let messages = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{command:?}: {messages}");

@@ -55,12 +55,12 @@ impl Collector {
         }
     }
 
-    /// For calls that ask for no plan.
-    pub(crate) fn idle() -> Self {
+    /// For calls that ask for no plan, and are told to stop then.
+    pub(crate) fn idle(answer_by_ns: u64) -> Self {
         Self {
             places: 0,
             started_ns: monotonic_ns(),
-            answer_by_ns: u64::MAX,
+            answer_by_ns,
             deadline_ns: u64::MAX,
             agents: None,
             collected: Mutex::default(),

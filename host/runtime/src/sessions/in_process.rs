@@ -16,6 +16,7 @@ use crate::confinement::sandbox::SandboxReport;
 use crate::interrupt::interrupted_by;
 use crate::sessions::attachment::{Attachment, no_request, protocol, reported};
 use crate::sessions::bounds::LOG_BYTES;
+use crate::sessions::client::Deadline;
 use crate::sessions::collector::{Collected, Collector};
 use crate::sessions::log::Log;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
@@ -41,14 +42,15 @@ impl InProcess {
         }
     }
 
-    /// Makes a call that asks for no plan. What it breaks of its promises is put back, and its
+    /// Makes a call that asks for no plan, and has to answer by then. What it breaks of its promises is put back, and its
     /// log is kept.
     fn call<T>(
         &mut self,
         method: &'static str,
+        answer_by_ns: u64,
         call: impl FnOnce(&Library, &mut Option<Object>, &Collector) -> Result<T, Failure>,
     ) -> Result<(T, Collected), Fault> {
-        let collector = Collector::idle();
+        let collector = Collector::idle(answer_by_ns);
         let (library, object) = (&self.library, &mut self.object);
         let result = (self.promises).around(method, || call(library, object, &collector));
         let mut collected = collector.into_inner();
@@ -100,7 +102,7 @@ impl Attachment for InProcess {
             self.promises.around("destroy", || self.object = None);
         }
         let options = options.to_string();
-        let made = self.call("create", |library, _, collector| {
+        let made = self.call("create", u64::MAX, |library, _, collector| {
             library.create(kind, id, Options::new(&options), collector)
         });
         self.promises.settle();
@@ -115,7 +117,7 @@ impl Attachment for InProcess {
     ) -> Result<CallReport, Fault> {
         let started = monotonic_ns();
         let budget = budget.starting(started);
-        let prepared = self.call("prepare", |_, object, collector| {
+        let prepared = self.call("prepare", budget.answer_by_ns, |_, object, collector| {
             let object = object.as_mut();
             object
                 .and_then(|object| object.prepare(environment, &budget, collector))
@@ -153,20 +155,33 @@ impl Attachment for InProcess {
     fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
         let method = "generate";
         let budget = budget.starting(monotonic_ns());
-        let ((), collected) = self.call(method, |_, object, collector| match object {
-            Some(Object::InstanceGenerator(generator)) => {
-                generator.generate(state, &budget, collector)
-            }
-            _ => Err(wrong_object()),
-        })?;
+        let ((), collected) =
+            self.call(
+                method,
+                budget.answer_by_ns,
+                |_, object, collector| match object {
+                    Some(Object::InstanceGenerator(generator)) => {
+                        generator.generate(state, &budget, collector)
+                    }
+                    _ => Err(wrong_object()),
+                },
+            )?;
         collected.request.ok_or_else(|| no_request(method))
     }
 
-    fn should_invoke(&mut self, status: &FleetStatus, _: Duration) -> Result<bool, Fault> {
-        let (invoke, _) = self.call("should_invoke", |_, object, collector| match object {
-            Some(Object::InvocationPolicy(policy)) => policy.should_invoke(status, collector),
-            _ => Err(wrong_object()),
-        })?;
+    fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {
+        let answer_by_ns = Deadline::after(monotonic_ns(), limit).at_ns;
+        let (invoke, _) =
+            self.call(
+                "should_invoke",
+                answer_by_ns,
+                |_, object, collector| match object {
+                    Some(Object::InvocationPolicy(policy)) => {
+                        policy.should_invoke(status, collector)
+                    }
+                    _ => Err(wrong_object()),
+                },
+            )?;
         Ok(invoke)
     }
 

@@ -45,6 +45,32 @@ fn the_examples_have_grids() {
     assert!((strict.cell_m - view.cell_m * 2.0_f64.sqrt()).abs() < 1e-12);
 }
 
+/// Digests of the grids of worlds, equal in every build and on every machine.
+#[test]
+fn grids_are_golden() {
+    let found = ["window.task.json", "two-rooms.task.json"].map(|name| {
+        let problem = load_problem(maps(name)).unwrap();
+        let eight = GridSpec {
+            connectivity: Connectivity::Eight,
+            ..RULES
+        };
+        [RULES, STRICT, eight].map(|spec| {
+            let view = world_to_grid(&problem, spec).unwrap();
+            view.instance.digest().to_string()
+        })
+    });
+    assert_eq!(found.concat(), GOLDEN);
+}
+
+const GOLDEN: [&str; 6] = [
+    "985a6bd53d08cd8d5d29c1d7e144d0de",
+    "171ff7104f3f0fdf143c89826ad89286",
+    "ec1c62231aded4678125938a93b65a7f",
+    "046a12baf05611c02353e0e4a548c498",
+    "407162fb6a6f7ebe439a36da2294ccaf",
+    "8b9720092b80c3c5e6209276121ad80e",
+];
+
 #[test]
 fn what_does_not_fit_is_refused_with_distances() {
     let refused = |obstacle: &str, agents: &str| -> InputError {

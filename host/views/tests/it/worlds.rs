@@ -1,7 +1,7 @@
 //! Worlds of grids cover exactly the blocked cells.
 
-use fleetyard_core::Grid;
-use fleetyard_views::{Free, grid_to_world};
+use fleetyard_core::{Connectivity, Grid, load_map};
+use fleetyard_views::{Free, grid_to_roadmap, grid_to_world};
 use proptest::prelude::*;
 
 proptest! {
@@ -38,3 +38,22 @@ proptest! {
         }
     }
 }
+
+/// Digests of the world and of the roadmap of a map, equal in every build and on every machine.
+#[test]
+fn worlds_and_roadmaps_of_grids_are_golden() {
+    let map = load_map(&crate::tasks::maps("room-33-33-8.map")).unwrap();
+    let world = grid_to_world(&map, 0.3, [0.1, -7.7]).unwrap().world;
+    let [four, eight] = [Connectivity::Four, Connectivity::Eight].map(|connectivity| {
+        let view = grid_to_roadmap(&map, connectivity, 0.3, [0.1, -7.7]).unwrap();
+        view.roadmap.digest()
+    });
+    let found = [world.digest(), four, eight].map(|digest| digest.to_string());
+    assert_eq!(found, GOLDEN);
+}
+
+const GOLDEN: [&str; 3] = [
+    "9fd35cd4ec4c4b78acd822b303d2fd41",
+    "792aa4c854ea23d9d72dbc9fc719613b",
+    "84053bb727bf5300a4d2fb23bfe35025",
+];
