@@ -42,7 +42,7 @@ proptest! {
 /// Digests of the world and of the roadmap of a map, equal in every build and on every machine.
 #[test]
 fn worlds_and_roadmaps_of_grids_are_golden() {
-    let map = load_map(&crate::tasks::maps("room-33-33-8.map")).unwrap();
+    let map = load_map(crate::tasks::maps("room-33-33-8.map")).unwrap();
     let world = grid_to_world(&map, 0.3, [0.1, -7.7]).unwrap().world;
     let [four, eight] = [Connectivity::Four, Connectivity::Eight].map(|connectivity| {
         let view = grid_to_roadmap(&map, connectivity, 0.3, [0.1, -7.7]).unwrap();
