@@ -80,26 +80,30 @@ fleetyard_abi::export! { planners: [Walk] }
 
 static BUILT_IN: &[&c::PluginEntry] = &[&fleetyard_plugin_entry_v1];
 
+/// Row and column of a vertex.
+fn place(vertex: u32) -> [u32; 2] {
+    [vertex / SIDE, vertex % SIDE]
+}
+
 /// A lattice whose vertices are no round numbers, each joined with the twelve nearest.
 fn roadmap() -> SharedEnvironment {
-    let places = |along: fn(u32) -> u32, across: fn(u32) -> u32| -> Vec<f64> {
-        let at =
-            |vertex| 0.503 * f64::from(along(vertex)) + 0.001 / (1.0 + f64::from(across(vertex)));
-        (0..SIDE * (SIDE - 1)).map(at).collect()
+    let vertices = 0..SIDE * (SIDE - 1);
+    let axis = |axis: usize| -> Vec<f64> {
+        let shifted =
+            |at: [u32; 2]| 0.503 * f64::from(at[axis]) + 0.001 / (1.0 + f64::from(at[1 - axis]));
+        vertices
+            .clone()
+            .map(|vertex| shifted(place(vertex)))
+            .collect()
     };
-    let (row, col): (fn(u32) -> u32, fn(u32) -> u32) =
-        (|vertex| vertex / SIDE, |vertex| vertex % SIDE);
-    let edges: Lists<u32> = (0..SIDE * (SIDE - 1))
-        .map(|from| {
-            let ends = (0..SIDE * (SIDE - 1)).filter(|to| {
-                let apart =
-                    row(from).abs_diff(row(*to)).pow(2) + col(from).abs_diff(col(*to)).pow(2);
-                (1..=4).contains(&apart)
-            });
-            ends.collect::<Vec<u32>>()
-        })
-        .collect();
-    let roadmap = RoadmapEnvironment::straight(places(col, row), places(row, col), edges, 1.0, 0.1);
+    let apart = |a: [u32; 2], b: [u32; 2]| a[0].abs_diff(b[0]).pow(2) + a[1].abs_diff(b[1]).pow(2);
+    let near = |from: u32| -> Vec<u32> {
+        let ends = vertices.clone();
+        ends.filter(|to| (1..=4).contains(&apart(place(from), place(*to))))
+            .collect()
+    };
+    let edges: Lists<u32> = vertices.clone().map(near).collect();
+    let roadmap = RoadmapEnvironment::straight(axis(1), axis(0), edges, 1.0, 0.1);
     SharedEnvironment::new(Environment::from(roadmap).named("lattice"))
 }
 

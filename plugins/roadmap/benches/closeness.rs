@@ -45,7 +45,7 @@ fn drawn(vertices: usize, neighbors: usize) -> Roadmap {
     let edges = edges
         .into_iter()
         .map(|((from, to), length)| (from, to, length));
-    Roadmap::new(places, edges.collect(), 2.0 * RADIUS_M).expect("a roadmap")
+    Roadmap::new(places, edges, 2.0 * RADIUS_M).expect("a roadmap")
 }
 
 fn closeness(c: &mut Criterion) {
