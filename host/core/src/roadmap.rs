@@ -248,14 +248,29 @@ pub enum RoadmapPlanError {
         from: u32,
         to: u32,
     },
+    #[error("there are paths for {found} agents, but {expected} starts")]
+    Agents { found: usize, expected: usize },
+    #[error(
+        "agent {agent} is at ({x_m}, {y_m}) at {time_s} s, which is neither vertex {vertex} nor an end of an edge from there"
+    )]
+    OffEdges {
+        agent: usize,
+        knot: usize,
+        time_s: f64,
+        x_m: f64,
+        y_m: f64,
+        vertex: u32,
+    },
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
 }
 
 impl RoadmapPlanError {
-    /// The agent at fault, and which of its visits.
+    /// The agent at fault, and which of its visits or knots.
     pub fn place(&self) -> Option<(usize, usize)> {
         match self {
+            Self::Agents { .. } => None,
+            Self::OffEdges { agent, knot, .. } => Some((*agent, *knot)),
             Self::NoVisits { agent } | Self::LateBegin { agent, .. } => Some((*agent, 0)),
             Self::Time { agent, visit, .. }
             | Self::LeavesBefore { agent, visit, .. }
@@ -440,6 +455,60 @@ impl RoadmapPlan {
         Ok(plan)
     }
 
+    /// The visits of a plan in the plane that goes from vertex to vertex: each agent begins at its
+    /// start, and every knot is at a vertex, the one before or the end of an edge from there. Knots
+    /// may be `within_m` off; of several vertices the nearest counts, the first among equals.
+    ///
+    /// Times are kept as they are: how long an edge takes is not looked at.
+    pub fn of_trajectories(
+        plan: &TrajectoryPlan,
+        roadmap: &Roadmap,
+        starts: &[u32],
+        within_m: f64,
+    ) -> Result<Self, RoadmapPlanError> {
+        if plan.agents() != starts.len() {
+            return Err(RoadmapPlanError::Agents {
+                found: plan.agents(),
+                expected: starts.len(),
+            });
+        }
+        let mut visits = Self::with_capacity(starts.len(), plan.knot_count());
+        for (agent, (knots, start)) in plan.paths().zip(starts).enumerate() {
+            let vertices = roadmap.vertices();
+            if *start as usize >= vertices {
+                return Err(RoadmapPlanError::NoSuchVertex {
+                    agent,
+                    visit: 0,
+                    vertex: *start,
+                    vertices,
+                });
+            }
+            let mut vertex = *start;
+            for (number, knot) in knots.iter().enumerate() {
+                let next = nearest(roadmap, vertex, number > 0, knot);
+                vertex = next.filter(|(_, far_m)| *far_m <= within_m).map_or(
+                    Err(RoadmapPlanError::OffEdges {
+                        agent,
+                        knot: number,
+                        time_s: knot.time_s,
+                        x_m: knot.x_m,
+                        y_m: knot.y_m,
+                        vertex,
+                    }),
+                    |(vertex, _)| Ok(vertex),
+                )?;
+                let visit = Visit {
+                    vertex,
+                    arrival_s: knot.time_s,
+                    departure_s: knot.time_s,
+                };
+                visits.push_visit(number, visit)?;
+            }
+            visits.finish_path()?;
+        }
+        Ok(visits)
+    }
+
     /// Digest of the visits. How long an agent stays at its last vertex means nothing.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new("fleetyard.roadmap-plan/1");
@@ -456,6 +525,19 @@ impl RoadmapPlan {
         }
         hasher.finish()
     }
+}
+
+/// Among a vertex and, if the agent may have moved, the ends of its edges the one that is nearest to a
+/// knot, and its distance.
+fn nearest(roadmap: &Roadmap, vertex: u32, moves: bool, knot: Knot) -> Option<(u32, f64)> {
+    let ends = roadmap.neighbors(vertex).iter().filter(|_| moves);
+    let all = [&vertex].into_iter().chain(ends);
+    let far = all.map(|vertex| {
+        let (x_m, y_m) = roadmap.position_m(*vertex);
+        let (x, y) = (knot.x_m - x_m, knot.y_m - y_m);
+        (*vertex, (x * x + y * y).sqrt())
+    });
+    far.min_by(|one, other| one.1.total_cmp(&other.1))
 }
 
 /// The fault of a visit, if the roadmap lacks its vertex or the edge that leads there. An edge

@@ -3,7 +3,8 @@
 #![allow(clippy::float_cmp, reason = "what is kept is kept exactly")]
 
 use fleetyard_core::formats::{
-    MapSize, read_ccbs_log, read_ccbs_roadmap, read_dynobench, write_ccbs_roadmap,
+    CcbsPlaces, MapSize, read_ccbs_log, read_ccbs_roadmap, read_dynobench, read_psipp_plan,
+    write_ccbs_roadmap,
 };
 use fleetyard_core::{
     InputError, Knot, Knots, Roadmap, RoadmapPlanFile, TrajectoryFile, TrajectoryPlan,
@@ -40,8 +41,13 @@ pub fn run(data: &[u8]) {
         roadmap_plan(&file, data);
     }
     let plans = [
-        read(data, |source, data| read_ccbs_log(source, data, None)),
-        read(data, |source, data| read_ccbs_log(source, data, Some(SIZE))),
+        read(data, |source, data| {
+            read_ccbs_log(source, data, CcbsPlaces::Unknown)
+        }),
+        read(data, |source, data| {
+            read_ccbs_log(source, data, CcbsPlaces::Grid(SIZE))
+        }),
+        read(data, read_psipp_plan),
         read(data, read_dynobench),
     ];
     for plan in plans.into_iter().flatten() {

@@ -230,22 +230,46 @@ pub fn write_ccbs_roadmap(roadmap: &Roadmap) -> Vec<u8> {
     text.into_bytes()
 }
 
+/// The content of a task for Continuous-CBS: start and goal of every agent as vertices.
+pub fn write_ccbs_task(starts: &[u32], goals: &[u32]) -> Vec<u8> {
+    let mut text = String::from("<?xml version=\"1.0\" ?>\n<root>\n");
+    for (start, goal) in starts.iter().zip(goals) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "    <agent start_id=\"{start}\" goal_id=\"{goal}\"/>");
+    }
+    text.push_str("</root>\n");
+    text.into_bytes()
+}
+
+/// The knowledge of a result's places beside the result.
+#[derive(Debug, Clone, Copy, Default)]
+pub enum CcbsPlaces<'a> {
+    /// None: places are points of the plane, and an agent at rest is in none.
+    #[default]
+    Unknown,
+    /// The size of the map, if the result is on a grid.
+    Grid(MapSize),
+    /// The roadmap that the program was given.
+    Roadmap(&'a Roadmap),
+}
+
 /// The space that a result is on.
-enum On {
-    Roadmap,
+enum On<'a> {
+    /// A roadmap, which may be at hand.
+    Roadmap(Option<&'a Roadmap>),
     /// A grid with cells of a metre.
     Grid(MapSize),
 }
 
-/// Parses a result of Continuous-CBS. `source` is named in errors. `size` is that of the
-/// map, if there is one: a result on a grid does not say it.
+/// Parses a result of Continuous-CBS. `source` is named in errors. A result on a grid does not say
+/// how large the map is, and one on a roadmap not where an agent is that never moves.
 ///
 /// A result without paths for all agents is an error; whether the paths are any good is
 /// not looked at: after its time limit the program writes paths that collide.
 pub fn read_ccbs_log(
     source: &str,
     bytes: &[u8],
-    size: Option<MapSize>,
+    places: CcbsPlaces<'_>,
 ) -> Result<TrajectoryPlan, InputError> {
     let xml = Xml::parse(source, bytes)?;
     let root = xml.root("root")?;
@@ -257,10 +281,11 @@ pub fn read_ccbs_log(
     let Some(first) = tasks.first() else {
         return Err(xml.error(root, "there are no agents"));
     };
-    let on = match (first.has_attribute("start_id"), size) {
-        (true, _) => On::Roadmap,
-        (false, Some(size)) => On::Grid(size),
-        (false, None) => {
+    let on = match (first.has_attribute("start_id"), places) {
+        (true, CcbsPlaces::Roadmap(roadmap)) => On::Roadmap(Some(roadmap)),
+        (true, _) => On::Roadmap(None),
+        (false, CcbsPlaces::Grid(size)) => On::Grid(size),
+        (false, _) => {
             let reason = "a result on a grid does not say how large the map is";
             return Err(xml
                 .error(*first, reason)
@@ -292,7 +317,7 @@ pub fn read_ccbs_log(
 
 fn read_path<'a>(
     xml: &Xml<'a>,
-    on: &On,
+    on: &On<'_>,
     task: Node<'_, 'a>,
     path: Node<'_, 'a>,
     plan: &mut TrajectoryPlan,
@@ -300,7 +325,7 @@ fn read_path<'a>(
     let position = |node, i: &str, j: &str| {
         let (i, j) = (xml.number(node, i)?, xml.number(node, j)?);
         Ok(match on {
-            On::Roadmap => (i, j),
+            On::Roadmap(_) => (i, j),
             On::Grid(size) => (j + 0.5, f64::from(size.rows) - i - 0.5),
         })
     };
@@ -329,13 +354,24 @@ fn read_path<'a>(
         );
     }
     if nodes.is_empty() {
-        if matches!(on, On::Roadmap) {
-            let reason = "the agent rests at its start, and the result does not say where that is";
-            return Err(xml
-                .error(path, reason)
-                .hint("leave out agents that need not move"));
-        }
-        let start = position(task, "start_i", "start_j")?;
+        let start = match on {
+            On::Grid(_) => position(task, "start_i", "start_j")?,
+            On::Roadmap(roadmap) => {
+                let roadmap = roadmap.ok_or_else(|| {
+                    let reason =
+                        "the agent rests at its start, and the result does not say where that is";
+                    xml.error(path, reason)
+                        .hint("leave out agents that need not move")
+                })?;
+                let vertex = xml.number(task, "start_id")?;
+                let vertices = roadmap.vertices();
+                if vertex.fract() != 0.0 || !(0.0..vertices as f64).contains(&vertex) {
+                    let reason = format!("the start {vertex} is none of {vertices} vertices");
+                    return Err(xml.error(task, reason));
+                }
+                roadmap.position_m(vertex as u32)
+            }
+        };
         knot(&mut nodes, path, 0.0, start);
     }
     plan.push_path(knots).map_err(|error| {

@@ -1,5 +1,23 @@
-//! Results of db-CBS, <https://github.com/IMRCLab/db-CBS>, and other planners of its
-//! family, in the YAML of dynobench, <https://github.com/quimortiz/dynobench>.
+//! Problems and results of db-CBS, <https://github.com/IMRCLab/db-CBS>, and other planners of
+//! its family, in the YAML of dynobench, <https://github.com/quimortiz/dynobench>.
+//!
+//! A problem has bounds, boxes along the axes, and robots of types that the program knows:
+//!
+//! ```yaml
+//! environment:
+//!   min: [0, 0]
+//!   max: [5, 5]
+//!   obstacles:
+//!     - type: box
+//!       center: [2.5, 3.9]
+//!       size: [0.2, 2.2]
+//! robots:
+//!   - type: unicycle_first_order_0
+//!     start: [1, 2.5, 0]
+//!     goal: [4, 2.5, 0]
+//! ```
+//!
+//! A result:
 //!
 //! ```yaml
 //! cost: 4.6
@@ -32,6 +50,7 @@ use saphyr_parser::Marker;
 
 use super::libmrp::text;
 use super::yaml::Yaml;
+use crate::json::push_number;
 use crate::plan_file::PLAN_MAX_AGENTS;
 use crate::{InputError, Knot, TrajectoryPlan};
 
@@ -43,6 +62,67 @@ const LONGEST: usize = 64;
 
 /// One robot's states: position, heading if it has one, and the place in the text.
 type States = Vec<((f64, f64), Option<f64>, Marker)>;
+
+/// A problem in the plane, as its file says it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DynobenchProblem<'a> {
+    /// The lower left corner in metres.
+    pub min_m: [f64; 2],
+    /// The upper right corner in metres.
+    pub max_m: [f64; 2],
+    /// The boxes, each by its lower left and its upper right corner in metres.
+    pub boxes_m: Vec<[[f64; 2]; 2]>,
+    /// Type, start and goal of every robot.
+    pub robots: Vec<(&'a str, &'a [f64], &'a [f64])>,
+}
+
+/// The content of a problem. Types are words. A box covers its corners: where the middle of a side
+/// is rounded, the box is larger by the rounding.
+pub fn write_dynobench_problem(problem: &DynobenchProblem<'_>) -> Vec<u8> {
+    let mut text = String::from("environment:\n  min: ");
+    let row = |text: &mut String, numbers: &[f64]| {
+        for (at, number) in numbers.iter().enumerate() {
+            text.push_str(if at == 0 { "[" } else { ", " });
+            push_number(text, *number);
+        }
+        text.push_str("]\n");
+    };
+    row(&mut text, &problem.min_m);
+    text.push_str("  max: ");
+    row(&mut text, &problem.max_m);
+    text.push_str(match problem.boxes_m.is_empty() {
+        true => "  obstacles: []\n",
+        false => "  obstacles:\n",
+    });
+    for [low, high] in &problem.boxes_m {
+        let [(x, width), (y, height)] = [0, 1].map(|axis| covering(low[axis], high[axis]));
+        text.push_str("    - type: box\n      center: ");
+        row(&mut text, &[x, y]);
+        text.push_str("      size: ");
+        row(&mut text, &[width, height]);
+    }
+    text.push_str("robots:\n");
+    for (name, start, goal) in &problem.robots {
+        text.push_str("  - type: ");
+        text.push_str(name);
+        text.push_str("\n    start: ");
+        row(&mut text, start);
+        text.push_str("    goal: ");
+        row(&mut text, goal);
+    }
+    text.into_bytes()
+}
+
+/// Middle and length of an interval that contains all from `low` to `high`.
+fn covering(low: f64, high: f64) -> (f64, f64) {
+    let middle = low + (high - low) / 2.0;
+    let half = (middle - low).max(high - middle);
+    let mut length = 2.0 * half;
+    while middle - length / 2.0 > low || middle + length / 2.0 < high {
+        length = length.next_up();
+    }
+    (middle, length)
+}
 
 /// Parses a result. `source` is named in errors.
 pub fn read_dynobench(source: &str, bytes: &[u8]) -> Result<TrajectoryPlan, InputError> {

@@ -9,8 +9,9 @@ use std::sync::{Arc, LazyLock};
 use regex::bytes::Regex;
 
 use super::{
-    AgentList, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp, lorr, lsmart,
-    pibt2, planviz, read_grid, write_grid, write_lacam, write_mapf_visualizer, write_paths_txt,
+    AgentList, CcbsPlaces, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp,
+    lorr, lsmart, pibt2, planviz, psipp, read_grid, write_grid, write_lacam, write_mapf_visualizer,
+    write_paths_txt,
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
@@ -76,6 +77,7 @@ formats! {
     RoadmapPlan, "roadmap-plan", "rt", "plan on a roadmap of this project, fleetyard.roadmap-plan/1";
     CcbsRoadmap, "ccbs-roadmap", "r", "roadmap of Continuous-CBS, GraphML";
     CcbsLog, "ccbs-log", "t", "result of Continuous-CBS, XML (only read)";
+    PsippPlan, "psipp-plan", "t", "plan of PSIPP/CTC, text (only read)";
     Dynobench, "dynobench", "t", "result of db-CBS and others in dynobench's YAML (only read)";
 }
 
@@ -122,7 +124,7 @@ impl Format {
 
     /// True if files of it are written, and not only read.
     pub fn is_written(self) -> bool {
-        !matches!(self, Self::CcbsLog | Self::Dynobench)
+        !matches!(self, Self::CcbsLog | Self::PsippPlan | Self::Dynobench)
     }
 
     /// True if a file can only be read with the size of its map at hand.
@@ -398,7 +400,12 @@ impl Contents {
                 contents.roadmap = Some(Arc::new(ccbs::read_ccbs_roadmap(source, bytes)?));
             }
             Format::CcbsLog => {
-                let plan = ccbs::read_ccbs_log(source, bytes, size)?;
+                let places = size.map_or(CcbsPlaces::Unknown, CcbsPlaces::Grid);
+                let plan = ccbs::read_ccbs_log(source, bytes, places)?;
+                contents.trajectories = Some(trajectory_file(source, plan));
+            }
+            Format::PsippPlan => {
+                let plan = psipp::read_psipp_plan(source, bytes)?;
                 contents.trajectories = Some(trajectory_file(source, plan));
             }
             Format::Dynobench => {
@@ -765,7 +772,7 @@ impl Parts {
                 others.push((others_name, write_roadmap(roadmap()?)));
                 write_roadmap_plan(&file)
             }
-            Format::CcbsLog | Format::Dynobench => {
+            Format::CcbsLog | Format::PsippPlan | Format::Dynobench => {
                 let reason = "files of this format are read and not written";
                 return Err(
                     InputError::new(format.name(), reason).hint("write --to trajectories instead")

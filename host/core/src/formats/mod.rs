@@ -17,13 +17,16 @@ mod lsmart;
 mod pibt2;
 mod pieces;
 mod planviz;
+mod psipp;
 mod rows;
 mod transposed;
 mod yaml;
 
 pub use agents::{AgentEntry, AgentList};
-pub use ccbs::{read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap};
-pub use dynobench::{DYNOBENCH_STATES_PER_S, read_dynobench};
+pub use ccbs::{CcbsPlaces, read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap, write_ccbs_task};
+pub use dynobench::{
+    DYNOBENCH_STATES_PER_S, DynobenchProblem, read_dynobench, write_dynobench_problem,
+};
 pub(crate) use format::own_format;
 pub use format::{
     AnyPlan, Contents, Format, Parts, Scale, UnreadPlan, Written, grid_size, load_any_plan,
@@ -41,4 +44,5 @@ pub use lsmart::{read_lsmart, write_lsmart};
 pub use pibt2::{Pibt2Settings, read_pibt2, write_pibt2};
 pub use pieces::{Piece, PieceError, pieces};
 pub use planviz::{read_planviz, write_planviz};
+pub use psipp::{read_psipp_plan, write_psipp_problem};
 pub use transposed::{TRANSPOSED_HINT, looks_transposed};

@@ -3,4 +3,5 @@
 mod bad_input;
 mod formats;
 mod plane_files;
+mod solver_files;
 mod trajectories;

@@ -7,8 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fleetyard_core::formats::{
-    AnyPlan, Contents, Format, MapSize, Parts, load_any_plan, read_ccbs_log, read_ccbs_roadmap,
-    read_dynobench, write_ccbs_roadmap,
+    AnyPlan, CcbsPlaces, Contents, Format, MapSize, Parts, load_any_plan, read_ccbs_log,
+    read_ccbs_roadmap, read_dynobench, write_ccbs_roadmap,
 };
 use fleetyard_core::{
     InputError, Knot, Roadmap, RoadmapPlan, RoadmapPlanFile, TrajectoryFile, TrajectoryPlan, Visit,
@@ -462,8 +462,8 @@ const LOG: &str = r#"<?xml version="1.0" ?>
 
 #[test]
 fn results_of_ccbs() {
-    let read = |text: &str, size| read_ccbs_log("a.xml", text.as_bytes(), size);
-    let plan = read(LOG, None).unwrap();
+    let read = |text: &str, places| read_ccbs_log("a.xml", text.as_bytes(), places);
+    let plan = read(LOG, CcbsPlaces::Unknown).unwrap();
     let knots: Vec<(f64, f64, f64)> = plan
         .knots(0)
         .iter()
@@ -485,16 +485,19 @@ fn results_of_ccbs() {
         "start_i=\"0\" start_j=\"1\" goal_id",
     );
     let size = MapSize { rows: 10, cols: 12 };
-    let first = read(&on_grid, Some(size)).unwrap().knots(0).get(0);
+    let first = read(&on_grid, CcbsPlaces::Grid(size))
+        .unwrap()
+        .knots(0)
+        .get(0);
     assert_eq!((first.x_m, first.y_m), (1.5, 9.5));
     fails(
-        read(&on_grid, None),
+        read(&on_grid, CcbsPlaces::Unknown),
         "a.xml:3:5: a result on a grid does not say how large the map is\n\
          hint: name the map with --map FILE",
     );
     let with = |old: &str, new: &str| {
         assert!(LOG.contains(old));
-        read(&LOG.replacen(old, new, 1), None)
+        read(&LOG.replacen(old, new, 1), CcbsPlaces::Unknown)
     };
     fails(
         with(
@@ -526,8 +529,23 @@ fn results_of_ccbs() {
         "a.xml:15:13: the agent rests at its start, and the result does not say where that is\n\
          hint: leave out agents that need not move",
     );
+    // The roadmap says it.
+    let roadmap = Roadmap::new(vec![0.0, 7.0], vec![0.0, 5.0], [(0, 1)]).unwrap();
+    let resting = |start: &str| {
+        let text = LOG.replace(section, "").replace("start_id=\"4\"", start);
+        read(&text, CcbsPlaces::Roadmap(&roadmap))
+    };
+    let last = resting("start_id=\"1\"").unwrap().knots(1).get(0);
+    assert_eq!((last.time_s, last.x_m, last.y_m), (0.0, 7.0, 5.0));
     fails(
-        read("<root><agent start_id=\"1\" goal_id=\"2\"/></root>", None),
+        resting("start_id=\"2\""),
+        "a.xml:4:5: the start 2 is none of 2 vertices",
+    );
+    fails(
+        read(
+            "<root><agent start_id=\"1\" goal_id=\"2\"/></root>",
+            CcbsPlaces::Unknown,
+        ),
         "a.xml:1:1: there is no element 'log'\n\
          hint: this is a task; the program writes its result to NAME_log.xml",
     );
