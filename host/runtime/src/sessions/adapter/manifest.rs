@@ -1,7 +1,7 @@
 //! The manifest, `planner.toml`: read strictly, so that a mistake is found where
 //! it was made and not in a run. `docs/adapters.md` is its reference.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Status};
@@ -13,6 +13,7 @@ use regex::bytes::{Regex, RegexBuilder};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Number, Value as Json};
 
+use super::input::{Input, ProblemInput, answer_file};
 use super::template::{Slot, Template};
 use crate::options::check_options;
 
@@ -21,10 +22,6 @@ pub const MANIFEST_LIMIT: u64 = 1 << 20;
 
 /// The version of the manifest's format.
 pub(crate) const FORMAT: u64 = 1;
-
-/// Names of map and scenario in the scratch folder.
-pub(super) const MAP_NAME: &str = "map.map";
-pub(super) const SCEN_NAME: &str = "agents.scen";
 
 /// The content of a `planner.toml`.
 #[derive(Debug, Clone)]
@@ -159,55 +156,6 @@ fn five() -> u64 {
     5
 }
 
-/// The input of the solver.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct Input {
-    #[serde(rename = "map")]
-    _map: MapWritten,
-    pub(super) scen: Agents,
-    pub(super) letters: Letters,
-    pub(super) order: Order,
-}
-
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum MapWritten {
-    #[default]
-    MovingAi,
-}
-
-/// Format of starts and goals.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Agents {
-    /// A MovingAI scenario.
-    #[default]
-    MovingAi,
-    /// An instance file of pibt2, which names the map and has the seed.
-    Pibt2,
-}
-
-/// The letters of terrain in a map that the solver reads.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Letters {
-    /// `.` and `@` alone.
-    #[default]
-    Plain,
-    All,
-}
-
-/// The order of a position's numbers in a scenario.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Order {
-    #[default]
-    XY,
-    /// Against the format.
-    RowCol,
-}
-
 /// Place and format of the answer.
 #[derive(Debug, Clone)]
 pub(super) struct Output {
@@ -295,19 +243,22 @@ impl Manifest {
             let head = root.clone().apart(&Self::APART).read()?;
             let options = root.optional("options", options)?.unwrap_or_default();
             let program = root.require("program")?;
-            let input = root.optional("input", Input::read)?.unwrap_or_default();
-            let output = Output::read(&root.require("output")?)?;
-            let capabilities = root.optional("capabilities", capabilities)?;
+            let properties = Options::of(&options);
+            let input = root.optional("input", |input| Input::read(input, &properties))?;
+            let input = input.unwrap_or_default();
+            let output = Output::read(&root.require("output")?, &input)?;
+            let claimed = root.optional("capabilities", |table| claims(table, &input.problem))?;
+            let capabilities = input.problem.capabilities();
             Ok(Self {
                 head,
                 version: root.optional("version", Version::read)?.unwrap_or_default(),
-                program: Program::read(&program, &options, input, &output)?,
-                options,
+                program: Program::read(&program, &properties, &input, &output)?,
                 input,
                 output,
+                options,
                 exit: root.optional("exit", Exit::read)?.unwrap_or_default(),
                 metrics: root.optional("metrics", metrics)?.unwrap_or_default(),
-                capabilities: capabilities.unwrap_or_else(|| Capabilities::of(&GRIDS)),
+                capabilities: capabilities.with(claimed.unwrap_or_default()),
             })
         })
     }
@@ -509,16 +460,21 @@ fn template(text: &str, options: &[&str]) -> Result<Template, Fault> {
 }
 
 /// The options of a planner, which placeholders and conditions name.
-struct Options<'o>(Option<&'o Map<String, Json>>);
+pub(super) struct Options<'o>(Option<&'o Map<String, Json>>);
 
-impl Options<'_> {
+impl<'o> Options<'o> {
+    /// Those of a JSON Schema.
+    fn of(schema: &'o Json) -> Self {
+        Self(schema.get("properties").and_then(Json::as_object))
+    }
+
     fn get(&self, name: &str) -> Option<&Json> {
         self.0?.get(name)
     }
 
     /// A template. An option without a default may have no value, so that only a condition
     /// can guard its use.
-    fn template(
+    pub(super) fn template(
         &self,
         value: &Value<'_>,
         when: Option<&Condition>,
@@ -581,11 +537,10 @@ impl Options<'_> {
 impl Program {
     fn read(
         table: &Value<'_>,
-        options: &Json,
-        input: Input,
+        options: &Options<'_>,
+        input: &Input,
         output: &Output,
     ) -> Result<Self, InputError> {
-        let options = Options(options.get("properties").and_then(Json::as_object));
         let mut program: Self = table.clone().apart(&["args", "env"]).read()?;
         program.place = table.require("command")?.place();
         let arguments = table.require("args")?.list()?;
@@ -605,7 +560,7 @@ impl Program {
     /// Refuses a program that is not told what to solve, or not where to write.
     fn check_use(
         &self,
-        input: Input,
+        input: &Input,
         output: &Output,
         table: &Value<'_>,
     ) -> Result<(), InputError> {
@@ -614,16 +569,28 @@ impl Program {
             .iter()
             .flat_map(|argument| &argument.templates);
         let environment = self.environment.iter().map(|(_, template)| template);
-        let used: Vec<&Slot> = (arguments.chain(environment))
+        let files = input.files.iter().map(|(_, template)| template);
+        let used: Vec<&Slot> = (arguments.chain(environment).chain(files))
             .flat_map(Template::slots)
             .collect();
-        let names_map = input.scen == Agents::Pibt2;
-        for (slot, name) in [(Slot::Map, "map"), (Slot::Scen, "scen")] {
-            if !used.contains(&&slot) && (slot != Slot::Map || !names_map) {
-                return Err(table
-                    .error(format!("no argument uses `{{{name}}}`"))
-                    .hint("the solver needs the files of map and scenario to know what to solve"));
-            }
+        let known = input.problem.slots();
+        if let Some((slot, _)) = known
+            .iter()
+            .find(|(slot, needed)| *needed && !used.contains(&slot))
+        {
+            return Err(table
+                .error(format!("no argument uses `{{{}}}`", slot.name()))
+                .hint("the solver needs the names of its input's files to know what to solve"));
+        }
+        let other = |slot: &&&Slot| slot.is_problem() && known.iter().all(|own| own.0 != ***slot);
+        if let Some(slot) = used.iter().find(other) {
+            let own: Vec<String> = known
+                .iter()
+                .map(|(own, _)| format!("`{{{}}}`", own.name()))
+                .collect();
+            return Err(table
+                .error(format!("`{{{}}}` is no file of this input", slot.name()))
+                .hint(format!("its files are {}", own.join(" and "))));
         }
         if used.contains(&&Slot::Output) && output.file.is_none() {
             return Err(table
@@ -756,28 +723,14 @@ fn schema(properties: &Json) -> Json {
     })
 }
 
-impl Input {
-    fn read(table: &Value<'_>) -> Result<Self, InputError> {
-        let input: Self = table.read()?;
-        match table.get("order") {
-            Some(order) if input.scen == Agents::Pibt2 => Err(order
-                .error("the order in instances of pibt2 is fixed")
-                .hint("remove `order`; it is for scenarios")),
-            _ => Ok(input),
-        }
-    }
-}
-
 /// `[output]`
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct OutputTable {
     #[serde(default)]
     from: AnswerIn,
-    #[serde(default, deserialize_with = "scratch_file")]
+    #[serde(default, deserialize_with = "answer_file")]
     file: Option<PathBuf>,
-    #[serde(deserialize_with = "answer_format")]
-    format: Option<Format>,
 }
 
 #[derive(Default, Deserialize)]
@@ -791,29 +744,28 @@ enum AnswerIn {
 /// The word for a format that the manifest describes.
 const CUSTOM: &str = "custom";
 
-/// The formats in which an answer may be, by their names.
-fn answer_formats() -> Vec<&'static str> {
-    let formats = Format::ALL.iter().filter(|format| format.carries_plan());
-    formats.map(|format| format.name()).collect()
-}
-
-fn answer_format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Format>, D::Error> {
-    text(deserializer, "", |text| {
-        let mut formats = Format::ALL.iter().filter(|format| format.carries_plan());
-        match formats.find(|format| format.name() == text) {
-            Some(format) => Ok(Some(*format)),
-            None if text == CUSTOM => Ok(None),
-            None => Err(Fault::word(
-                text,
-                &[answer_formats(), vec![CUSTOM]].concat(),
-            )),
+/// The format of an answer by its name; none where the manifest describes it.
+fn answer_format(text: &str, problem: &ProblemInput) -> Result<Option<Format>, Fault> {
+    let takes = |format: &&Format| problem.takes(**format);
+    let found = Format::by_name(text).filter(|format| problem.takes(*format));
+    let described = matches!(problem, ProblemInput::Grid(_));
+    match found {
+        Some(format) => Ok(Some(format)),
+        None if text == CUSTOM && described => Ok(None),
+        None => {
+            let formats = Format::ALL.iter().filter(takes);
+            let mut names: Vec<&str> = formats.map(|format| format.name()).collect();
+            names.extend(described.then_some(CUSTOM));
+            Err(Fault::word(text, &names))
         }
-    })
+    }
 }
 
 impl Output {
-    fn read(table: &Value<'_>) -> Result<Self, InputError> {
-        let said: OutputTable = table.clone().apart(&[CUSTOM]).read()?;
+    fn read(table: &Value<'_>, input: &Input) -> Result<Self, InputError> {
+        let said: OutputTable = table.clone().apart(&["format", CUSTOM]).read()?;
+        let format = table.require("format")?;
+        let format = format.text(|text| answer_format(text, &input.problem))?;
         let file = match (said.from, said.file) {
             (AnswerIn::Stdout, Some(_)) => {
                 let reason = "there is no file: the answer is on standard output";
@@ -822,7 +774,12 @@ impl Output {
             (AnswerIn::Stdout, None) => None,
             (AnswerIn::File, file) => Some(file.unwrap_or_else(|| "output.txt".into())),
         };
-        let written = match (said.format, table.get(CUSTOM)) {
+        let taken = |file: &PathBuf| input.files.iter().any(|(name, _)| file == Path::new(name));
+        if let Some(file) = file.as_ref().filter(|file| taken(file)) {
+            let reason = format!("{} is a file of the input", file.display());
+            return Err(table.error_at("file", reason).hint("name another file"));
+        }
+        let written = match (format, table.get(CUSTOM)) {
             (Some(named), None) => Written::As(named),
             (None, Some(described)) => Written::So(custom(&described)?.into()),
             (Some(_), Some(described)) => {
@@ -831,26 +788,16 @@ impl Output {
                     .hint("write `format = \"custom\"`, or remove the table"));
             }
             (None, None) => {
-                let named = answer_formats().join(", ");
+                let formats = Format::ALL.iter();
+                let named = formats.filter(|format| input.problem.takes(**format));
+                let named: Vec<&str> = named.map(|format| format.name()).collect();
                 return Err(table
                     .error_at("format", "a custom format is described in [output.custom]")
-                    .hint(format!("add the table, or use one of {named}")));
+                    .hint(format!("add the table, or use one of {}", named.join(", "))));
             }
         };
         Ok(Self { file, written })
     }
-}
-
-/// A name in the scratch folder that leads nowhere else.
-fn scratch_file<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PathBuf>, D::Error> {
-    text(deserializer, "", |text| {
-        let text = not_empty(text)?;
-        if !text.contains(['/', '\0']) && !matches!(text, "." | ".." | MAP_NAME | SCEN_NAME) {
-            return Ok(Some(text.into()));
-        }
-        let reason = format!("\"{}\" is no name for a file of the answer", shown(text));
-        Err(Fault::new(reason).hint("it is a name without folders; the file is in `{scratch}`"))
-    })
 }
 
 /// `[output.custom]`
@@ -977,23 +924,11 @@ fn metrics(table: &Value<'_>) -> Result<Vec<Metric>, InputError> {
     Ok(found)
 }
 
-/// Capabilities of every solver behind an adapter.
-const GRIDS: [Capability; 2] = [Capability::Grid, Capability::Pebble];
-
-/// Further capabilities that a manifest may claim.
-const CLAIMS: [Capability; 6] = [
-    Capability::EightConnected,
-    Capability::DuplicateGoals,
-    Capability::CollidingPlans,
-    Capability::KRobust,
-    Capability::Deterministic,
-    Capability::Threads,
-];
-
-fn capabilities(table: &Value<'_>) -> Result<Capabilities, InputError> {
-    let mut claimed = GRIDS.to_vec();
+/// The capabilities that a manifest claims beside those of its input.
+fn claims(table: &Value<'_>, problem: &ProblemInput) -> Result<Capabilities, InputError> {
+    let mut claimed = Vec::new();
     for (key, value) in table.entries()? {
-        let capability = key.text(claim)?;
+        let capability = key.text(|text| claim(text, problem.claims()))?;
         if value.read()? {
             claimed.push(capability);
         }
@@ -1001,16 +936,16 @@ fn capabilities(table: &Value<'_>) -> Result<Capabilities, InputError> {
     Ok(Capabilities::of(&claimed))
 }
 
-fn claim(text: &str) -> Result<Capability, Fault> {
+fn claim(text: &str, claims: &[Capability]) -> Result<Capability, Fault> {
     let named = |known: &&Capability| known.as_str() == text;
-    if let Some(claim) = CLAIMS.iter().find(named) {
+    if let Some(claim) = claims.iter().find(named) {
         return Ok(*claim);
     }
-    let names = CLAIMS.map(Capability::as_str).join(", ");
+    let names: Vec<&str> = claims.iter().map(|claim| claim.as_str()).collect();
     let reason = if Capability::ALL.iter().any(|known| named(&known)) {
         format!("an adapter cannot claim `{text}`")
     } else {
         format!("unknown capability `{}`", shown(text))
     };
-    Err(Fault::new(reason).hint(format!("it may claim {names}")))
+    Err(Fault::new(reason).hint(format!("it may claim {}", names.join(", "))))
 }

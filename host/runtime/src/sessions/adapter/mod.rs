@@ -3,15 +3,17 @@
 //!
 //! An [`Adapter`] is a [`Catalog`] with one planner, and the worker process serves
 //! it as it serves a library; the solver is a child of the worker, under the same
-//! supervisor and in the same sandbox. The adapter writes map and scenario as
-//! MovingAI files into a folder of its own, fills in the solver's arguments, runs it,
+//! supervisor and in the same sandbox. The adapter writes the problem as files of the
+//! solver's own formats into a folder, fills in the solver's arguments, runs it,
 //! and reads its answer. It believes nothing: the plan is judged like any other, and
 //! an answer that is not in the declared format breaks the contract.
 //!
-//! [`Manifest`] is the file, [`fleetyard_core::formats`] reads answers, `process` runs
-//! programs.
+//! [`Manifest`] is the file, `problem` has grids, roadmaps and the plane in solvers' terms,
+//! [`fleetyard_core::formats`] reads answers, `process` runs programs.
 
+mod input;
 mod manifest;
+mod problem;
 mod process;
 mod solver;
 mod template;
@@ -264,6 +266,7 @@ impl Catalog for Adapter {
             license: manifest.head.license.clone(),
             capabilities: manifest.capabilities,
             options_schema: manifest.options.clone(),
+            features: manifest.input.problem.features(),
             name: if manifest.head.name.is_empty() {
                 manifest.head.id.clone()
             } else {

@@ -12,19 +12,18 @@ use std::time::Duration;
 use fleetyard_abi::object::{Planner, Prepare};
 use fleetyard_abi::sdk::{Failure, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Environment, GridEnvironment, GridPlan, Instance, LogLevel, Motion, Part,
-    SharedEnvironment, Status, monotonic_ns,
+    Budget, Capability, Instance, LogLevel, Part, Plan, SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_core::formats::{
-    Format, MapSize, PATHS_LIMIT, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_pibt2,
-};
-use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
+use fleetyard_core::InputError;
+use fleetyard_core::formats::{Format, PATHS_LIMIT};
 use regex::bytes::Regex;
 use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
 use super::Installed;
-use super::manifest::{Agents, Condition, Letters, MAP_NAME, Order, SCEN_NAME, Searched};
+use super::input::{MAP_NAME, PROBLEM_NAME, ROADMAP_NAME, SCEN_NAME, TASK_NAME};
+use super::manifest::{Condition, Searched};
+use super::problem::{self, File, Problem, unsupported};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -42,8 +41,8 @@ pub(super) struct Solver {
     options: Map<String, Json>,
     /// Removed with the solver.
     scratch: TempDir,
-    environment: Option<SharedEnvironment>,
-    free_cells: u64,
+    /// What it was prepared with, in its own terms.
+    problem: Option<Box<dyn Problem>>,
 }
 
 /// The output that a solver left behind.
@@ -121,7 +120,7 @@ fn internal(what: &str, error: impl std::fmt::Display) -> Failure {
 }
 
 /// An error in one line, its hint after it.
-fn told(error: &InputError) -> String {
+pub(super) fn told(error: &InputError) -> String {
     match &error.hint {
         Some(hint) => format!("{error}; {hint}"),
         None => error.to_string(),
@@ -150,137 +149,87 @@ impl Solver {
             installed,
             options,
             scratch,
-            environment: None,
-            free_cells: 0,
+            problem: None,
         })
-    }
-
-    fn grid(&self) -> Result<&GridEnvironment, Failure> {
-        self.environment
-            .as_deref()
-            .and_then(Environment::grid)
-            .ok_or_else(|| Failure::new(Status::InvalidInput, "`plan` came before `prepare`"))
-    }
-
-    fn unsupported(&self, what: &str) -> Failure {
-        let id = &self.installed.manifest.head.id;
-        Failure::new(Status::Unsupported, format!("{id} {what}"))
     }
 
     /// Refuses parts that have to be understood: solvers are not told of any.
     fn refuse_critical(&self, parts: &[Part]) -> Result<(), Failure> {
         match parts.iter().find(|part| part.critical) {
-            Some(part) => {
-                let what = format!("does not know the critical part `{}`", part.id);
-                Err(self.unsupported(&what))
-            }
+            Some(part) => Err(unsupported(
+                &self.installed.manifest,
+                &format!("does not know the critical part `{}`", part.id),
+            )),
             None => Ok(()),
         }
     }
 
-    /// Refuses what solvers were not written for: they would not notice, or crash.
-    fn check(&self, instance: &Instance, grid: &GridEnvironment) -> Result<(), Failure> {
-        let invalid = |reason: String| Err(Failure::new(Status::InvalidInput, reason));
-        if let Err(reason) = instance.check(Some(grid.passable.len())) {
-            return invalid(reason);
-        }
-        self.refuse_critical(&instance.parts)?;
-        if instance.motion != Motion::Pebble {
-            return Err(self.unsupported("does not plan rotations"));
-        }
-        if instance.goals.iter().any(|goals| goals.len() != 1) {
-            return Err(self.unsupported("takes one goal per agent"));
-        }
-        let mut cells = instance.starts.iter().chain(instance.goals.items());
-        if let Some(cell) = cells.find(|cell| grid.passable[**cell as usize] == 0) {
-            return invalid(format!("cell {cell} is blocked, but a start or a goal"));
-        }
-        if let Some(cell) = twice(&instance.starts) {
-            return invalid(format!("two agents start in cell {cell}"));
-        }
-        let capabilities = self.installed.manifest.capabilities;
-        if !capabilities.has(Capability::DuplicateGoals)
-            && let Some(cell) = twice(instance.goals.items())
-        {
-            return Err(self.unsupported(&format!("takes no goal twice, as cell {cell}")));
+    fn write(&self, files: Vec<File>) -> Result<(), Failure> {
+        for (name, bytes) in files {
+            fs::write(self.scratch.path().join(name), bytes)
+                .map_err(|error| internal(&format!("cannot write {name}"), error))?;
         }
         Ok(())
     }
 
-    /// The file of starts and goals.
-    fn agents_file(&self, instance: &Instance, grid: &GridEnvironment, seed: u64) -> Vec<u8> {
-        let goals = instance.goals.items();
-        let input = self.installed.manifest.input;
-        match input.scen {
-            Agents::MovingAi => scenario(&instance.starts, goals, grid, input.order),
-            Agents::Pibt2 => write_pibt2(
-                &self.scratch.path().join(MAP_NAME).to_string_lossy(),
-                size(grid),
-                &instance.starts,
-                goals,
-                &Pibt2Settings {
-                    seed: Some(seed31(seed)),
-                    ..Pibt2Settings::default()
-                },
-            ),
-        }
-    }
-
     /// The time that the solver is thought to take before its own clock starts.
-    fn preparation_ns(&self, agents: usize) -> u64 {
+    fn preparation_ns(&self, agents: usize, places: u64) -> u64 {
         let each = self.installed.manifest.program.reserve_per_agent_cell;
-        each.saturating_mul(agents as u64)
-            .saturating_mul(self.free_cells)
+        each.saturating_mul(agents as u64).saturating_mul(places)
     }
 
     /// The solver's part of what is left of the budget.
-    fn time(&self, instance: &Instance, budget: &Budget) -> Duration {
+    fn time(&self, agents: usize, places: u64, budget: &Budget) -> Duration {
         let left = budget.deadline_monotonic_ns.saturating_sub(monotonic_ns());
         let left = Duration::from_nanos(left);
         let reserve = self.installed.manifest.program.reserve.unwrap_or_else(|| {
             let share = Duration::from_nanos(budget.wall_ns) / 20;
             share.clamp(Duration::from_millis(20), Duration::from_secs(1))
         });
-        let preparation = Duration::from_nanos(self.preparation_ns(instance.agents()));
+        let preparation = Duration::from_nanos(self.preparation_ns(agents, places));
         left.saturating_sub(reserve + preparation)
             .max(Duration::from_millis(1))
     }
 
-    fn command(&self, instance: &Instance, budget: &Budget) -> Command {
+    /// The value of a placeholder, for so many agents and places.
+    fn value(&self, slot: &Slot, (agents, time): (usize, Duration), budget: &Budget) -> OsString {
         let Installed {
-            manifest,
-            folder,
-            program,
-            ..
+            manifest, folder, ..
         } = &*self.installed;
         let scratch = self.scratch.path();
-        let time = self.time(instance, budget);
-        let value = |slot: &Slot| -> OsString {
-            match slot {
-                Slot::Map => scratch.join(MAP_NAME).into(),
-                Slot::Scen => scratch.join(SCEN_NAME).into(),
-                Slot::Output => match &manifest.output.file {
-                    Some(file) => scratch.join(file).into(),
-                    None => OsString::new(),
-                },
-                Slot::Scratch => scratch.into(),
-                Slot::ManifestDir => folder.into(),
-                Slot::Agents => instance.agents().to_string().into(),
-                Slot::Seconds => seconds(time).into(),
-                Slot::WholeSeconds => time.as_secs().max(1).to_string().into(),
-                Slot::Milliseconds => time.as_millis().to_string().into(),
-                Slot::Seed => budget.seed.to_string().into(),
-                Slot::Seed31 => seed31(budget.seed).to_string().into(),
-                Slot::Threads => budget.threads.max(1).to_string().into(),
-                Slot::MemoryMb => (budget.memory_bytes >> 20).to_string().into(),
-                Slot::Nodes => budget.nodes.to_string().into(),
-                Slot::Option(name) => match self.options.get(name) {
-                    Some(Json::String(text)) => text.into(),
-                    Some(value) => value.to_string().into(),
-                    None => OsString::new(),
-                },
-            }
-        };
+        match slot {
+            Slot::Map => scratch.join(MAP_NAME).into(),
+            Slot::Scen => scratch.join(SCEN_NAME).into(),
+            Slot::Roadmap => scratch.join(ROADMAP_NAME).into(),
+            Slot::Task => scratch.join(TASK_NAME).into(),
+            Slot::Problem => scratch.join(PROBLEM_NAME).into(),
+            Slot::Output => match &manifest.output.file {
+                Some(file) => scratch.join(file).into(),
+                None => OsString::new(),
+            },
+            Slot::Scratch => scratch.into(),
+            Slot::ManifestDir => folder.into(),
+            Slot::Agents => agents.to_string().into(),
+            Slot::Seconds => seconds(time).into(),
+            Slot::WholeSeconds => time.as_secs().max(1).to_string().into(),
+            Slot::Milliseconds => time.as_millis().to_string().into(),
+            Slot::Seed => budget.seed.to_string().into(),
+            Slot::Seed31 => seed31(budget.seed).to_string().into(),
+            Slot::Threads => budget.threads.max(1).to_string().into(),
+            Slot::MemoryMb => (budget.memory_bytes >> 20).to_string().into(),
+            Slot::Nodes => budget.nodes.to_string().into(),
+            Slot::Option(name) => match self.options.get(name) {
+                Some(Json::String(text)) => text.into(),
+                Some(value) => value.to_string().into(),
+                None => OsString::new(),
+            },
+        }
+    }
+
+    fn command(&self, value: &dyn Fn(&Slot) -> OsString, budget: &Budget) -> Command {
+        let Installed {
+            manifest, program, ..
+        } = &*self.installed;
         let holds = |condition: &Condition| match condition {
             Condition::Memory => budget.memory_bytes > 0,
             Condition::Nodes => budget.nodes > 0,
@@ -302,12 +251,13 @@ impl Solver {
             command.env(name, template.render(value));
         }
         let cwd = manifest.program.cwd.as_ref();
-        command.current_dir(cwd.map_or_else(|| scratch.into(), |cwd| cwd.render(value)));
+        command
+            .current_dir(cwd.map_or_else(|| self.scratch.path().into(), |cwd| cwd.render(value)));
         command
     }
 
     /// Runs the solver, its output going to the log as it comes.
-    fn run(&self, instance: &Instance, budget: &Budget, sink: &dyn Sink) -> Result<Ended, Failure> {
+    fn run(&self, mut command: Command, sink: &dyn Sink) -> Result<Ended, Failure> {
         let answer_on_stdout = self.installed.manifest.output.file.is_none();
         let forward = |level: LogLevel, left: &mut Option<usize>, line: &str| {
             let Some(room) = left else {
@@ -338,7 +288,6 @@ impl Solver {
             },
             stderr_line: &mut |line| forward(LogLevel::Info, &mut stderr_left, line),
         };
-        let mut command = self.command(instance, budget);
         process::run(&mut command, outputs, &|| sink.cancelled()).map_err(|error| {
             let program = self.installed.program.display();
             internal(&format!("{program} cannot be started"), error)
@@ -377,22 +326,6 @@ impl Solver {
         }
         let words = left.last_words();
         Some(Failure::new(status, format!("the solver {end}{words}")))
-    }
-
-    /// Reads the answer as a plan.
-    fn plan_in(&self, answer: &[u8], instance: &Instance) -> Result<GridPlan, InputError> {
-        let manifest = &self.installed.manifest;
-        let source = manifest.output.source();
-        let size = match self.grid() {
-            Ok(grid) => size(grid),
-            Err(failure) => return Err(InputError::new(source, failure.message)),
-        };
-        let plan = manifest.read_paths(answer, size, instance.agents())?;
-        if looks_transposed(size, &instance.starts, &plan) {
-            let reason = "agents do not begin at their starts";
-            return Err(InputError::new(source, reason).hint(TRANSPOSED_HINT));
-        }
-        Ok(plan)
     }
 
     fn report_metrics(&self, left: &Left, sink: &dyn Sink) {
@@ -477,27 +410,11 @@ impl Prepare for Solver {
         _: &Budget,
         _: &dyn Sink,
     ) -> Result<(), Failure> {
-        self.environment = None;
+        self.problem = None;
         self.refuse_critical(&environment.parts)?;
-        let manifest = &self.installed.manifest;
-        let Some(grid) = environment.grid().filter(|grid| grid.is_plain()) else {
-            return Err(self.unsupported("plans on grids without one-way moves"));
-        };
-        if grid.connectivity != 4 && !manifest.capabilities.has(Capability::EightConnected) {
-            return Err(self.unsupported("plans on four-connected grids"));
-        }
-        let terrain = if manifest.input.letters == Letters::All {
-            grid.terrain.clone()
-        } else {
-            let letter = |free: &u8| if *free == 0 { b'@' } else { b'.' };
-            grid.passable.iter().map(letter).collect()
-        };
-        let written = Grid::new("map", grid.rows, grid.cols, terrain)
-            .map_err(|error| Failure::new(Status::InvalidInput, told(&error)))?;
-        fs::write(self.scratch.path().join(MAP_NAME), write_map(&written))
-            .map_err(|error| internal("cannot write the map", error))?;
-        self.free_cells = grid.passable.iter().filter(|free| **free != 0).count() as u64;
-        self.environment = Some(environment.clone());
+        let (problem, files) = problem::prepare(&self.installed.manifest, environment)?;
+        self.write(files)?;
+        self.problem = Some(problem);
         Ok(())
     }
 }
@@ -509,12 +426,28 @@ impl Planner for Solver {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
-        let grid = self.grid()?;
-        self.check(instance, grid)?;
+        let manifest = &self.installed.manifest;
+        let problem = self
+            .problem
+            .as_deref()
+            .ok_or_else(|| Failure::new(Status::InvalidInput, "`plan` came before `prepare`"))?;
+        self.refuse_critical(&instance.parts)?;
+        problem.check(manifest, instance)?;
         let scratch = self.scratch.path();
-        let agents_file = self.agents_file(instance, grid, budget.seed);
-        fs::write(scratch.join(SCEN_NAME), agents_file)
-            .map_err(|error| internal("cannot write the scenario", error))?;
+        self.write(problem.files(manifest, instance, budget.seed, scratch)?)?;
+        let agents = instance.agents();
+        let time = self.time(agents, problem.places(), budget);
+        let value = |slot: &Slot| self.value(slot, (agents, time), budget);
+        for (name, template) in &manifest.input.files {
+            fs::write(
+                scratch.join(name),
+                template.render(value).into_encoded_bytes(),
+            )
+            .map_err(|error| internal(&format!("cannot write {name}"), error))?;
+        }
+        if let Some(fact) = problem.fact() {
+            sink.note("units", &fact);
+        }
         let output = &self.installed.manifest.output;
         if let Some(file) = &output.file {
             // The answer of the last call is none of this one's.
@@ -525,7 +458,7 @@ impl Planner for Solver {
                 _ => {}
             }
         }
-        let ended = self.run(instance, budget, sink)?;
+        let ended = self.run(self.command(&value, budget), sink)?;
         if ended.end == End::Stopped {
             let reason = "the solver did not end in time and was stopped";
             return Err(Failure::new(Status::TimedOut, reason));
@@ -539,8 +472,8 @@ impl Planner for Solver {
                 let reason = "the solver found no solution: its answer says `solved=0`";
                 Err(Failure::new(Status::GaveUp, reason))
             }
-            (None, Some(answer)) => self
-                .plan_in(answer, instance)
+            (None, Some(answer)) => problem
+                .plan_in(manifest, answer, instance)
                 .map_err(|error| Failure::broke_contract(told(&error)))
                 .and_then(|plan| submit(&plan, sink)),
             (None, None) => {
@@ -555,7 +488,7 @@ impl Planner for Solver {
                 let may_collide = self.installed.manifest.capabilities;
                 let answer = answer.filter(|_| may_collide.has(Capability::CollidingPlans));
                 // A solver that failed may have left anything, or nothing.
-                match answer.map(|answer| self.plan_in(answer, instance)) {
+                match answer.map(|answer| problem.plan_in(manifest, answer, instance)) {
                     Some(Ok(plan)) => submit(&plan, sink)?,
                     Some(Err(error)) => sink.log(LogLevel::Debug, &told(&error)),
                     None => {}
@@ -568,46 +501,12 @@ impl Planner for Solver {
     }
 }
 
-fn size(grid: &GridEnvironment) -> MapSize {
-    MapSize {
-        rows: grid.rows,
-        cols: grid.cols,
-    }
-}
-
 /// A seed for solvers that read a C `int`.
-fn seed31(seed: u64) -> u32 {
+pub(super) fn seed31(seed: u64) -> u32 {
     (seed & 0x7fff_ffff) as u32
 }
 
-/// A scenario's text; with rows before columns for solvers that read it so.
-fn scenario(starts: &[u32], goals: &[u32], grid: &GridEnvironment, order: Order) -> Vec<u8> {
-    let cols = grid.cols.max(1);
-    let place = |cell: &u32| {
-        let (row, col) = (cell / cols, cell % cols);
-        // A scenario's entry is (row, column) and is written column first.
-        match order {
-            Order::XY => (row, col),
-            Order::RowCol => (col, row),
-        }
-    };
-    let entries = starts.iter().zip(goals).map(|(start, goal)| ScenarioEntry {
-        line: 0,
-        bucket: 0,
-        map: MAP_NAME.into(),
-        map_cols: grid.cols,
-        map_rows: grid.rows,
-        start: place(start),
-        goal: place(goal),
-        optimal_length: 0.0,
-    });
-    write_scen(&Scenario {
-        source: SCEN_NAME.into(),
-        entries: entries.collect(),
-    })
-}
-
-fn submit(plan: &GridPlan, sink: &dyn Sink) -> Result<(), Failure> {
+fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {
     sink.submit(plan).map_err(|rejected| {
         if sink.cancelled() {
             Failure::new(Status::TimedOut, "the answer was read after the deadline")
@@ -615,16 +514,6 @@ fn submit(plan: &GridPlan, sink: &dyn Sink) -> Result<(), Failure> {
             rejected.into()
         }
     })
-}
-
-/// A cell that occurs more than once.
-fn twice(cells: &[u32]) -> Option<u32> {
-    let mut sorted = cells.to_vec();
-    sorted.sort_unstable();
-    sorted
-        .windows(2)
-        .find(|pair| pair[0] == pair[1])
-        .map(|pair| pair[0])
 }
 
 /// True if the head of a `lacam` answer says that there is no solution.

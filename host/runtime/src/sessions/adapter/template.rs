@@ -15,6 +15,12 @@ pub(super) enum Slot {
     Map,
     /// The scenario file.
     Scen,
+    /// The roadmap file.
+    Roadmap,
+    /// The file of starts and goals on a roadmap.
+    Task,
+    /// The one file that says all of a problem.
+    Problem,
     /// The number of agents.
     Agents,
     /// Seconds that the solver may take.
@@ -44,9 +50,12 @@ pub(super) enum Slot {
 }
 
 /// Every placeholder but those of options.
-const SLOTS: [(&str, Slot); 14] = [
+const SLOTS: [(&str, Slot); 17] = [
     ("map", Slot::Map),
     ("scen", Slot::Scen),
+    ("roadmap", Slot::Roadmap),
+    ("task", Slot::Task),
+    ("problem", Slot::Problem),
     ("agents", Slot::Agents),
     ("seconds", Slot::Seconds),
     ("whole_seconds", Slot::WholeSeconds),
@@ -60,6 +69,30 @@ const SLOTS: [(&str, Slot); 14] = [
     ("scratch", Slot::Scratch),
     ("manifest_dir", Slot::ManifestDir),
 ];
+
+impl Slot {
+    /// Its name between the braces.
+    pub(super) fn name(&self) -> &str {
+        let known = SLOTS.iter().find(|(_, slot)| slot == self);
+        match (known, self) {
+            (Some((name, _)), _) => name,
+            (None, Self::Option(name)) => name,
+            (None, _) => "",
+        }
+    }
+
+    /// True for a file that says what to solve.
+    pub(super) fn is_problem(&self) -> bool {
+        let files = [
+            Self::Map,
+            Self::Scen,
+            Self::Roadmap,
+            Self::Task,
+            Self::Problem,
+        ];
+        files.contains(self)
+    }
+}
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Part {

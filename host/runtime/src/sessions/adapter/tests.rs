@@ -2,7 +2,8 @@
 
 use serde_json::json;
 
-use super::manifest::{Agents, Condition, Manifest, Searched};
+use super::input::{Agents, ProblemInput, Unit};
+use super::manifest::{Condition, Manifest, Searched};
 
 const MINIMAL: &str = r#"manifest = 1
 id = "solver"
@@ -33,7 +34,10 @@ fn the_smallest_manifest() {
 fn a_solver_of_pibt2_instances_needs_no_argument_for_the_map() {
     let text = MINIMAL.replace("\"{map}\", ", "");
     let text = text.replace("[output]", "[input]\nscen = \"pibt2\"\n[output]");
-    assert_eq!(read(&text).input.scen, Agents::Pibt2);
+    let ProblemInput::Grid(input) = read(&text).input.problem else {
+        panic!("a grid");
+    };
+    assert_eq!(input.scen, Agents::Pibt2);
 }
 
 #[test]
@@ -147,16 +151,183 @@ read = ["/opt/solver", "weights"]
         .map(|metric| metric.name.as_str())
         .collect();
     assert_eq!(names, ["expanded", "runtime_ms"]);
-    let claimed: Vec<&str> = manifest
-        .capabilities
-        .iter()
-        .map(fleetyard_abi::Capability::as_str)
-        .collect();
     assert_eq!(
-        claimed,
+        claimed(&manifest),
         ["grid", "eight-connected", "pebble", "deterministic"]
     );
     assert_eq!(manifest.head.files.read.len(), 2);
+}
+
+const ROADMAPS: &str = r#"manifest = 1
+id = "solver"
+[program]
+command = "solver"
+args = ["{roadmap}", "{task}", "{scratch}/config.xml"]
+[input]
+roadmap = "ccbs"
+radius = 0.5
+[input.files]
+"config.xml" = "<limit>{seconds}</limit>"
+[output]
+file = "task_log.xml"
+format = "ccbs-log"
+"#;
+
+const PLANE: &str = r#"manifest = 1
+id = "solver"
+[program]
+command = "solver"
+args = ["{problem}", "{output}"]
+[input]
+plane = "dynobench"
+[[input.robots]]
+type = "unicycle_first_order_0"
+dynamics = "fleetyard.unicycle/1"
+rectangle_m = [0.5, 0.25]
+controls = [[-0.5, 0.5], [-0.5, 0.5]]
+[output]
+format = "dynobench"
+"#;
+
+fn claimed(manifest: &Manifest) -> Vec<&'static str> {
+    let capabilities = manifest.capabilities.iter();
+    capabilities
+        .map(fleetyard_abi::Capability::as_str)
+        .collect()
+}
+
+#[test]
+fn solvers_of_roadmaps_and_of_the_plane() {
+    let manifest = read(ROADMAPS);
+    let ProblemInput::Roadmap(input) = &manifest.input.problem else {
+        panic!("a roadmap");
+    };
+    assert_eq!(input.unit, Unit::Radius(0.5));
+    assert_eq!(manifest.input.files[0].0, "config.xml");
+    assert_eq!(claimed(&manifest), ["roadmap", "stop-go"]);
+    assert!(manifest.input.problem.features().is_empty());
+    // The problem's name may stand in a file alone.
+    let text = ROADMAPS
+        .replace("\"ccbs\"\nradius = 0.5", "\"psipp\"\nunits_per_m = 1024")
+        .replace("\"{roadmap}\", \"{task}\", ", "")
+        .replace("{seconds}", "{problem}")
+        .replace("ccbs-log", "psipp-plan");
+    let manifest = read(&text);
+    assert!(matches!(
+        &manifest.input.problem,
+        ProblemInput::Roadmap(input) if input.unit == Unit::PerM(1024.0)
+    ));
+    let manifest = read(PLANE);
+    assert_eq!(claimed(&manifest), ["continuous", "dynamics"]);
+    assert_eq!(
+        manifest.input.problem.features(),
+        ["dynamics:fleetyard.unicycle/1"]
+    );
+}
+
+#[test]
+fn faults_of_inputs_say_where_and_what_to_do() {
+    let cases = [
+        (
+            ROADMAPS,
+            "radius = 0.5",
+            "radius = 0.5\nunits_per_m = 2",
+            "p.toml:9:15: `radius` and `units_per_m` both say",
+            "remove one of them",
+        ),
+        (
+            ROADMAPS,
+            "radius = 0.5",
+            "radius = 0",
+            "p.toml:8:10: `radius` is not between 1e-6 and 1e6",
+            "above 0",
+        ),
+        (
+            ROADMAPS,
+            "radius = 0.5",
+            "letters = \"all\"",
+            "p.toml:8:1: unknown key `letters` in [input]",
+            "known keys: roadmap, radius, units_per_m, files",
+        ),
+        (
+            ROADMAPS,
+            "\"{task}\", ",
+            "",
+            "p.toml:3:1: no argument uses `{task}`",
+            "what to solve",
+        ),
+        (
+            ROADMAPS,
+            "\"{task}\", ",
+            "\"{task}\", \"{map}\", ",
+            "p.toml:3:1: `{map}` is no file of this input",
+            "`{roadmap}` and `{task}`",
+        ),
+        (
+            ROADMAPS,
+            "\"config.xml\" =",
+            "\"task.xml\" =",
+            "p.toml:10:1: \"task.xml\" is no name for a file of the input",
+            "without folders",
+        ),
+        (
+            ROADMAPS,
+            "task_log.xml",
+            "config.xml",
+            "p.toml:12:8: config.xml is a file of the input",
+            "another file",
+        ),
+        (
+            ROADMAPS,
+            "ccbs-log",
+            "lacam",
+            "p.toml:13:10: `format` cannot be \"lacam\"",
+            "it is one of trajectories, roadmap-plan, ccbs-log, psipp-plan",
+        ),
+        (
+            ROADMAPS,
+            "<limit>",
+            "{option.limit}",
+            "p.toml:10:16: there is no option `limit`",
+            "[options.limit]",
+        ),
+        (
+            PLANE,
+            "rectangle_m = [0.5, 0.25]",
+            "",
+            "p.toml:8:1: the robot `unicycle_first_order_0` has no footprint or two",
+            "rectangle_m",
+        ),
+        (
+            PLANE,
+            "[[-0.5, 0.5], [",
+            "[[0.5, -0.5], [",
+            "p.toml:12:13: `controls` has limits that are none",
+            "[least, most]",
+        ),
+        (
+            PLANE,
+            "fleetyard.unicycle/1",
+            "unicycle",
+            "p.toml:10:12: \"unicycle\" is no name of dynamics",
+            "fleetyard.unicycle/1",
+        ),
+        (
+            PLANE,
+            "unicycle_first_order_0",
+            "a: b",
+            "p.toml:9:8: \"a: b\" is no type of robots",
+            "letters",
+        ),
+    ];
+    for (text, old, new, reason, hint) in cases {
+        assert!(text.contains(old), "{old}");
+        let error = Manifest::read(&text.replacen(old, new, 1), "p.toml").expect_err(new);
+        let told = error.to_string();
+        assert!(told.starts_with(reason), "{new}: {told}");
+        let found = error.hint.unwrap_or_default();
+        assert!(found.contains(hint), "{new}: {found}");
+    }
 }
 
 /// In `MINIMAL`, `old` becomes `new`; the error and its hint begin and contain.

@@ -1,0 +1,218 @@
+//! The plane, with robots that the solver knows by name.
+
+use std::path::Path;
+
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{
+    Footprint, Instance, Knot, Limit, Motion, Plan, Robot, SharedEnvironment, State,
+};
+use fleetyard_core::formats::{DynobenchProblem, Format, read_dynobench, write_dynobench_problem};
+use fleetyard_core::{InputError, read_trajectories};
+
+use super::super::input::{Limits, PROBLEM_NAME, ProblemInput, RobotType, Size};
+use super::super::manifest::{Manifest, Written};
+use super::{File, Problem, check_places, invalid, unsupported};
+
+/// Lower left and upper right corner of a box along the axes.
+type Corners = [[f64; 2]; 2];
+
+/// How much a number of a robot may differ from that of a type: rounding.
+const SAME: f64 = 1e-9;
+
+/// Free space among boxes along the axes.
+pub(super) struct InPlane {
+    environment: SharedEnvironment,
+    bounds_m: Corners,
+    boxes_m: Vec<Corners>,
+}
+
+impl InPlane {
+    pub(super) fn new(
+        manifest: &Manifest,
+        environment: &SharedEnvironment,
+    ) -> Result<Self, Failure> {
+        let Some(workspace) = environment.workspace() else {
+            return Err(unsupported(manifest, "plans in the plane"));
+        };
+        if !workspace.movers.is_empty() {
+            return Err(unsupported(manifest, "knows no moving obstacles"));
+        }
+        let obstacles = workspace.obstacles.iter().enumerate();
+        let boxes_m = obstacles.map(|(number, corners)| {
+            box_of(corners).ok_or_else(|| {
+                let what = format!(
+                    "knows boxes along the axes as obstacles, and obstacle {number} is none"
+                );
+                unsupported(manifest, &what)
+            })
+        });
+        Ok(Self {
+            bounds_m: [workspace.min_m, workspace.max_m],
+            boxes_m: boxes_m.collect::<Result<_, _>>()?,
+            environment: environment.clone(),
+        })
+    }
+
+    fn types<'m>(manifest: &'m Manifest, instance: &Instance) -> Result<Vec<&'m str>, Failure> {
+        let ProblemInput::Plane(input) = &manifest.input.problem else {
+            return Ok(Vec::new());
+        };
+        let kinds = instance.robots.iter().map(|robot| {
+            let found = input.robots.iter().find(|known| is_of(robot, known));
+            found.map(|known| known.name.as_str()).ok_or_else(|| {
+                let names: Vec<&str> = input.robots.iter().map(|known| &*known.name).collect();
+                let name = match robot.name.as_str() {
+                    "" => &robot.dynamics,
+                    name => name,
+                };
+                let what = format!(
+                    "plans for robots with exactly the footprint and the limits of {}, and `{name}` is none",
+                    names.join(", ")
+                );
+                unsupported(manifest, &what)
+            })
+        });
+        let kinds: Vec<&str> = kinds.collect::<Result<_, _>>()?;
+        let agents = 0..instance.agents();
+        let of_agents = agents.map(|agent| instance.robot_of.get(agent).copied().unwrap_or(0));
+        of_agents
+            .map(|kind| {
+                let name = kinds.get(kind as usize).copied();
+                name.ok_or_else(|| invalid("an agent without a model of robots"))
+            })
+            .collect()
+    }
+}
+
+/// The box along the axes that a polygon is.
+fn box_of(corners: &[[f64; 2]]) -> Option<Corners> {
+    let [a, b, c, d] = corners else {
+        return None;
+    };
+    // Corners follow each other along the axes: first along x, or first along y.
+    let first_x = a[1] == b[1] && b[0] == c[0] && c[1] == d[1] && d[0] == a[0];
+    let first_y = a[0] == b[0] && b[1] == c[1] && c[0] == d[0] && d[1] == a[1];
+    let low = [0, 1].map(|axis| a[axis].min(c[axis]));
+    let high = [0, 1].map(|axis| a[axis].max(c[axis]));
+    let is_box = (first_x || first_y) && low[0] < high[0] && low[1] < high[1];
+    is_box.then_some([low, high])
+}
+
+fn near(one: f64, other: f64) -> bool {
+    (one - other).abs() <= SAME * other.abs().max(1.0)
+}
+
+/// True if a robot has the footprint, the dynamics and the limits of a type.
+fn is_of(robot: &Robot, known: &RobotType) -> bool {
+    let pose = if robot.has_heading { 3 } else { 2 };
+    let Some((pose, rates)) = robot.state_limits.split_at_checked(pose) else {
+        return false;
+    };
+    // A type is free to be anywhere, and its limits are along the axes.
+    robot.dynamics == known.dynamics
+        && pose.iter().flatten().all(Option::is_none)
+        && !robot.polar_state
+        && !robot.polar_control
+        && robot.parameters.is_empty()
+        && have(rates, &known.rates)
+        && have(&robot.control_limits, &known.controls)
+        && is_body(&robot.footprint, known)
+}
+
+fn have(limits: &[[Limit; 2]], known: &[Limits]) -> bool {
+    let is = |limit: Limit, known: f64| limit.is_some_and(|limit| near(limit, known));
+    let mut pairs = limits.iter().zip(known);
+    limits.len() == known.len()
+        && pairs.all(|([least, most], Limits([low, high]))| is(*least, *low) && is(*most, *high))
+}
+
+fn is_body(footprint: &Footprint, known: &RobotType) -> bool {
+    let corners = &footprint.corners_m;
+    if let Some(Size(radius_m)) = known.disc_m {
+        return corners.is_empty() && near(footprint.radius_m, radius_m);
+    }
+    let Some([Size(length_m), Size(width_m)]) = known.rectangle_m else {
+        return false;
+    };
+    let at = |x: f64, y: f64| {
+        let mut corners = corners.iter();
+        corners.any(|corner| near(corner[0], x) && near(corner[1], y))
+    };
+    let (x, y) = (length_m / 2.0, width_m / 2.0);
+    corners.len() == 4 && at(x, y) && at(x, -y) && at(-x, y) && at(-x, -y)
+}
+
+impl Problem for InPlane {
+    fn check(&self, manifest: &Manifest, instance: &Instance) -> Result<(), Failure> {
+        if instance.motion != Motion::Dynamics {
+            return Err(unsupported(manifest, "plans for robots with dynamics"));
+        }
+        check_places(manifest, &self.environment, instance)?;
+        let open = |state: &State| state.0.iter().any(|number| !number.is_finite());
+        if let Some(agent) = instance
+            .goal_states
+            .iter()
+            .position(|goals| goals.iter().any(open))
+        {
+            let what = format!("takes goals with a heading, which agent {agent} has not");
+            return Err(unsupported(manifest, &what));
+        }
+        Self::types(manifest, instance).map(|_| ())
+    }
+
+    fn files(
+        &self,
+        manifest: &Manifest,
+        instance: &Instance,
+        _: u64,
+        _: &Path,
+    ) -> Result<Vec<File>, Failure> {
+        let types = Self::types(manifest, instance)?;
+        let ends = instance
+            .start_states
+            .iter()
+            .zip(instance.goal_states.items());
+        let robots = types.into_iter().zip(ends);
+        let problem = DynobenchProblem {
+            min_m: self.bounds_m[0],
+            max_m: self.bounds_m[1],
+            boxes_m: self.boxes_m.clone(),
+            robots: robots
+                .map(|(name, (start, goal))| (name, &*start.0, &*goal.0))
+                .collect(),
+        };
+        Ok(vec![(PROBLEM_NAME, write_dynobench_problem(&problem))])
+    }
+
+    fn plan_in(
+        &self,
+        manifest: &Manifest,
+        answer: &[u8],
+        instance: &Instance,
+    ) -> Result<Plan, InputError> {
+        let source = manifest.output.source();
+        let plan = match &manifest.output.written {
+            Written::As(Format::Dynobench) => read_dynobench(&source, answer)?,
+            _ => read_trajectories(&source, answer)?.plan,
+        };
+        let agents = instance.agents();
+        if plan.agents() != agents {
+            let reason = format!("{} paths for {agents} agents", plan.agents());
+            return Err(InputError::new(source, reason));
+        }
+        let paths = (0..agents).map(|agent| {
+            let turns = instance.robot(agent).is_some_and(|robot| robot.has_heading);
+            plan.knots(agent).iter().map(move |knot| Knot {
+                time_s: knot.time_s,
+                x_m: knot.x_m,
+                y_m: knot.y_m,
+                heading_rad: knot.heading_rad.filter(|_| turns).unwrap_or(f64::NAN),
+            })
+        });
+        Ok(Plan::Trajectories(paths.collect()))
+    }
+
+    fn places(&self) -> u64 {
+        0
+    }
+}
