@@ -32,7 +32,7 @@ pub use origin::{Origin, VIEW_FORMAT};
 pub use overlay::{OverlayReport, OverlaySpec, OverlayView, roadmap_to_grid};
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
-    world_to_roadmap,
+    given_roadmap, world_to_roadmap,
 };
 pub use swept::{SweptEdges, SweptView, roadmap_to_world};
 pub use task::{

@@ -193,6 +193,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let given = &arguments.instance;
     let inputs = [&given.scen, &given.map, &given.task];
     hidden.extend(inputs.into_iter().flatten().cloned());
+    hidden.extend(arguments.view.files().cloned());
     let host = host(&arguments.budget, attach, hidden)?;
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)

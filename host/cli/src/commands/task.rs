@@ -11,10 +11,10 @@ use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
 };
-use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile};
+use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile, load_roadmap};
 use fleetyard_views::{
     GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile,
-    ViewSpec, ViewVerdict, load_problem, load_view,
+    ViewSpec, ViewVerdict, given_roadmap, load_problem, load_view,
 };
 use serde::Serialize;
 
@@ -47,10 +47,14 @@ pub(super) struct ViewArgs {
     #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
           conflicts_with_all = ["representation", "connectivity", "BuilderArgs", "RoadmapSpecArgs", "roadmap_seed"])]
     view: Option<PathBuf>,
+    /// Roadmap file in place of a roadmap that is made: starts and goals are at its vertices
+    #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
+          conflicts_with_all = ["representation", "view", "connectivity", "BuilderArgs", "spacing", "roadmap_seed"])]
+    roadmap: Option<PathBuf>,
     #[command(flatten)]
     pub(super) grid: GridSpecArgs,
     #[command(flatten)]
-    roadmap: RoadmapSpecArgs,
+    made: RoadmapSpecArgs,
     /// Seed of a drawn roadmap; the task's if it is not given
     #[arg(long, help_heading = VIEW, value_name = "N", requires = "task")]
     roadmap_seed: Option<u64>,
@@ -62,21 +66,27 @@ pub(super) struct ViewArgs {
 impl ViewArgs {
     /// The view that is asked for; of the kind `otherwise` where none is named.
     pub(super) fn choose(&self, otherwise: Representation) -> Result<Chosen> {
-        Ok(match &self.view {
-            Some(path) => Chosen::File(load_view(path)?),
-            None => Chosen::Spec(self.spec(self.representation.unwrap_or(otherwise))),
+        Ok(match (&self.view, &self.roadmap) {
+            (Some(path), _) => Chosen::File(load_view(path)?),
+            (None, Some(path)) => Chosen::Roadmap(load_roadmap(path)?, self.made.speed()),
+            (None, None) => Chosen::Spec(self.spec(self.representation.unwrap_or(otherwise))),
         })
     }
 
     /// True if neither a kind nor a file is named.
     pub(super) fn is_open(&self) -> bool {
-        self.view.is_none() && self.representation.is_none()
+        self.view.is_none() && self.roadmap.is_none() && self.representation.is_none()
+    }
+
+    /// The files that describe the view.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.view.iter().chain(&self.roadmap)
     }
 
     fn spec(&self, representation: Representation) -> ViewSpec {
         match representation {
             Representation::Grid => ViewSpec::Grid(self.grid.spec()),
-            Representation::Roadmap => ViewSpec::Roadmap(self.roadmap.spec(self.roadmap_seed)),
+            Representation::Roadmap => ViewSpec::Roadmap(self.made.spec(self.roadmap_seed)),
             Representation::Continuous => ViewSpec::Continuous,
         }
     }
@@ -100,6 +110,8 @@ pub(super) fn claimed(host: &Host, planner: &Plugin) -> Result<Vec<Representatio
 pub(super) enum Chosen {
     /// By its file.
     File(ViewFile),
+    /// By a roadmap and the speed on it.
+    Roadmap(Roadmap, Option<f64>),
     /// By parameters.
     Spec(ViewSpec),
 }
@@ -108,6 +120,7 @@ impl Chosen {
     fn representation(&self) -> Representation {
         match self {
             Self::File(file) => file.spec.representation(),
+            Self::Roadmap(..) => Representation::Roadmap,
             Self::Spec(spec) => spec.representation(),
         }
     }
@@ -116,6 +129,7 @@ impl Chosen {
     fn argument(&self) -> &'static str {
         match self {
             Self::File(_) => "--view",
+            Self::Roadmap(..) => "--roadmap",
             Self::Spec(_) => "--representation",
         }
     }
@@ -123,6 +137,10 @@ impl Chosen {
     pub(super) fn derive(&self, problem: &Problem) -> Result<View> {
         Ok(match self {
             Self::File(file) => file.derive(problem)?,
+            Self::Roadmap(roadmap, speed_m_per_s) => {
+                let view = given_roadmap(problem, roadmap.clone(), *speed_m_per_s)?;
+                View::Roadmap(Box::new(view))
+            }
             Self::Spec(spec) => spec.derive(problem)?,
         })
     }
@@ -248,7 +266,8 @@ impl TaskArgs {
         file.check_for(&view.roadmap).map_err(|error| {
             error.hint(
                 "a roadmap follows from --builder and its parameters; name the file that \
-                 `fleetyard world roadmap` wrote with --view, or remove roadmap_digest from the plan",
+                 `fleetyard world roadmap` wrote with --view, or a roadmap with --roadmap, or remove \
+                 roadmap_digest from the plan",
             )
         })?;
         let judged = view.judge(problem, &file.plan, self.view.pace, listed)?;

@@ -159,6 +159,11 @@ pub(super) struct RoadmapSpecArgs {
 }
 
 impl RoadmapSpecArgs {
+    /// The common speed in m/s, if one is asked for.
+    pub(super) fn speed(&self) -> Option<f64> {
+        self.speed
+    }
+
     pub(super) fn spec(&self, seed: Option<u64>) -> RoadmapSpec {
         RoadmapSpec {
             builder: self.builder.builder(),

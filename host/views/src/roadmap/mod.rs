@@ -6,6 +6,7 @@
 //! came of them.
 
 mod connect;
+mod given;
 mod report;
 mod sample;
 mod tangent;
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 
+pub use given::given_roadmap;
 pub use report::RoadmapReport;
 pub(crate) use report::root;
 
@@ -174,7 +176,7 @@ impl RoadmapSpec {
 /// A task on a roadmap.
 #[derive(Debug, Clone)]
 pub struct RoadmapView {
-    /// Vertices and edges, each of which can be driven both ways.
+    /// Vertices and edges. Each that an operator makes can be driven both ways.
     pub roadmap: Roadmap,
     /// Start of every agent, a vertex at exactly the place that the task has.
     pub starts: Vec<u32>,
@@ -245,17 +247,7 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
         let reason = format!("vertices cannot be {spacing_m} m apart");
         return refuse(reason, "give a distance in metres, or 0 for none");
     }
-    let speed_m_per_s = match spec.speed_m_per_s {
-        Some(speed) => speed,
-        None => problem.common_speed_m_per_s(),
-    };
-    if !(speed_m_per_s.is_finite() && speed_m_per_s > 0.0) {
-        let reason = format!("robots on a roadmap need a speed, not {speed_m_per_s} m/s");
-        return refuse(
-            reason,
-            "give --speed, or robots a model with a largest speed",
-        );
-    }
+    let speed_m_per_s = common_speed(problem, spec.speed_m_per_s)?;
     let seed = spec.seed.unwrap_or(problem.task.seed);
     let free = Free::new(&problem.world);
     let Pinned {
@@ -361,6 +353,17 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
         report,
         origin: Origin::of(problem, WORLD_TO_ROADMAP, parameters, Some(seed)),
     })
+}
+
+/// The speed of all robots: the one that is asked for, or the largest that all have.
+fn common_speed(problem: &Problem, asked_m_per_s: Option<f64>) -> Result<f64, InputError> {
+    let speed_m_per_s = asked_m_per_s.unwrap_or_else(|| problem.common_speed_m_per_s());
+    if speed_m_per_s.is_finite() && speed_m_per_s > 0.0 {
+        return Ok(speed_m_per_s);
+    }
+    let reason = format!("robots on a roadmap need a speed, not {speed_m_per_s} m/s");
+    Err(InputError::new(problem.task.source.as_str(), reason)
+        .hint("give --speed, or robots a model with a largest speed"))
 }
 
 /// Starts and goals as vertices.
