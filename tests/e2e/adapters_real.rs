@@ -10,6 +10,8 @@ use fleetyard_runtime::adapter::Adapter;
 use fleetyard_testkit::{Ended, INPUT, NO_PLAN, SUCCESS, Yard, instance, root, words};
 use serde_json::Value;
 
+use crate::adapters_views::ADAPTERS;
+
 /// Peculiarities of a solver.
 struct Solver {
     /// Its folder in `plugins/adapters`.
@@ -222,17 +224,19 @@ works! {
 /// Without its program an adapter says how to get it.
 #[test]
 fn a_missing_program_comes_with_a_way_to_get_it() {
-    for solver in &SOLVERS {
+    let grids = SOLVERS.iter().map(|solver| (solver.name, solver.variable));
+    for (name, variable) in grids.chain(ADAPTERS) {
         let yard = Yard::new().set("PATH", "/nonexistent");
-        let yard = yard.set(solver.variable, "");
-        let ended = yard.run(&["plugins", "info", &solver.manifest()]);
+        let yard = yard.set(variable, "");
+        let folder = root().join("plugins/adapters").join(name);
+        let ended = yard.run(&["plugins", "info", &folder.display().to_string()]);
         let ended = ended.expect(INPUT);
-        let told = format!("the program `{}` is not on PATH", solver.name);
+        let told = format!("the program `{name}` is not on PATH");
         assert!(ended.stderr.contains(&told), "{ended}");
         let hint = ended.stderr.split_once("hint: ");
         let hint = hint.unwrap_or_else(|| panic!("{ended}")).1;
         assert!(hint.contains("docs/solvers.md"), "{ended}");
-        let variable = format!("; {} may name the program", solver.variable);
+        let variable = format!("; {variable} may name the program");
         assert!(ended.stderr.contains(&variable), "{ended}");
     }
 }
@@ -261,7 +265,10 @@ fn every_adapter_is_tried() {
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
-    assert_eq!(names, SOLVERS.map(|solver| solver.name));
+    let others = ADAPTERS.map(|(name, _)| name);
+    let mut tried = [&SOLVERS.map(|solver| solver.name)[..], &others].concat();
+    tried.sort_unstable();
+    assert_eq!(names, tried);
     let guide = std::fs::read_to_string(root().join("docs/solvers.md")).unwrap();
     for name in names {
         let named = format!("plugins/adapters/{name}");

@@ -3,6 +3,7 @@
 
 mod adapters;
 mod adapters_real;
+mod adapters_views;
 mod architecture;
 mod attachments;
 mod bench;

@@ -1,9 +1,11 @@
 //! Tasks, operators, and the tasks of the repository.
 
+mod given;
 mod grids;
 mod judged;
 mod overlays;
 mod roadmaps;
+mod sampled;
 mod swept;
 mod tasks;
 mod view_files;
