@@ -338,7 +338,7 @@ fn every_format_is_listed_and_described() {
     let guide = fs::read_to_string(root().join("docs/formats.md")).unwrap();
     let names = list.stdout.lines().skip(1);
     let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!(names.len(), 19);
+    assert_eq!(names.len(), 20);
     for name in names {
         assert!(guide.contains(&format!("| `{name}`")), "{name}");
     }

@@ -8,8 +8,8 @@ use super::{RoadmapReport, RoadmapView, common_speed};
 use crate::pin::Pins;
 use crate::{Free, Origin, Problem, roadmap_to_world};
 
-/// How far a start or a goal may be from its vertex, in metres: coordinates that were written with
-/// six decimals name their vertex.
+/// Distance from a vertex, in metres, at which a start or a goal is at it: coordinates that were written
+/// with six decimals name their vertex.
 const AT_VERTEX_M: f64 = 1e-6;
 
 /// The view of a problem on a roadmap that is given. Robots drive at `speed_m_per_s`, by default the

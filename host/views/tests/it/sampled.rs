@@ -326,8 +326,8 @@ fn corners([x, y, heading]: [f64; 3], [length, width]: [f64; 2]) -> [[f64; 2]; 4
     })
 }
 
-/// How deep two rectangles overlap: the shortest way along a normal of a side that parts them; below 0
-/// where a side parts them.
+/// The depth of an overlap of two rectangles: the shortest way along a normal of a side that parts them;
+/// below 0 where a side parts them.
 fn depth(one: &[[f64; 2]; 4], other: &[[f64; 2]; 4]) -> f64 {
     let beyond = |of: &[[f64; 2]; 4], from: &[[f64; 2]; 4]| {
         let sides = (0..4).map(|side| {

@@ -364,7 +364,7 @@ impl ProblemInput {
         }
     }
 
-    /// What a planner lists for robots of the plane that it knows.
+    /// Features that a planner lists for the robots of the plane that it knows.
     pub(super) fn features(&self) -> Vec<String> {
         let Self::Plane(plane) = self else {
             return Vec::new();

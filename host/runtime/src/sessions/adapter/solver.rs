@@ -41,7 +41,7 @@ pub(super) struct Solver {
     options: Map<String, Json>,
     /// Removed with the solver.
     scratch: TempDir,
-    /// What it was prepared with, in its own terms.
+    /// The map with which it was prepared, in its own terms.
     problem: Option<Box<dyn Problem>>,
 }
 

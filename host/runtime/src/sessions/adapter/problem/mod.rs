@@ -42,7 +42,7 @@ pub(super) trait Problem: Send {
     /// Number of free cells or vertices.
     fn places(&self) -> u64;
 
-    /// What was changed of the problem so that the solver can read it.
+    /// The change of the problem without which the solver could not read it, if there is one.
     fn fact(&self) -> Option<String> {
         None
     }

@@ -16,7 +16,7 @@ use super::{File, Problem, check_places, invalid, unsupported};
 /// Lower left and upper right corner of a box along the axes.
 type Corners = [[f64; 2]; 2];
 
-/// How much a number of a robot may differ from that of a type: rounding.
+/// Difference between a number of a robot and that of its type that is rounding.
 const SAME: f64 = 1e-9;
 
 /// Free space among boxes along the axes.

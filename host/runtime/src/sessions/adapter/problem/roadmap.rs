@@ -23,11 +23,11 @@ use super::super::input::{
 use super::super::manifest::{Manifest, Written};
 use super::{File, Problem, check_places, invalid, twice, unsupported};
 
-/// How far from a vertex an answer may be at it, in units of the solver: many programs write six
+/// Distance from a vertex, in units of the solver, at which an answer is at it: many programs write six
 /// decimals.
 const AT_VERTEX: f64 = 1e-6;
 
-/// How much longer or shorter an edge may take than its length says, as a share of it: rounding.
+/// Difference between the time of an edge and that of its length that is rounding, as a share of it.
 const EVEN: f64 = 1e-9;
 
 /// A roadmap.
