@@ -59,7 +59,7 @@ const ON_ROADMAP: &str = "--roadmap hall.roadmap.json --plan-out visits.json";
 
 /// Stands in for Continuous-CBS. Vertices 1, 2 and 4 are a triangle round which everybody passes: the
 /// first agent by the bay, the others by the lane.
-const CCBS: &str = r##"#!/usr/bin/env python3
+const CCBS: &str = r#"#!/usr/bin/env python3
 import math, os, sys
 import xml.etree.ElementTree as xml
 style = os.path.basename(sys.argv[0])
@@ -109,7 +109,7 @@ if style == "cut":
     open(out, "wb").write(whole[: len(whole) * 2 // 3])
 else:
     tree.write(out)
-"##;
+"#;
 
 fn ccbs(style: &str, agents: &str) -> (Yard, Ended) {
     let yard = hall();
@@ -181,7 +181,7 @@ fn ccbs_is_not_believed() {
 }
 
 /// Stands in for PSIPP/CTC: the second agent waits for the first.
-const PSIPP: &str = r##"#!/usr/bin/env python3
+const PSIPP: &str = r#"#!/usr/bin/env python3
 import math, os, re, sys
 config = open(sys.argv[1]).read()
 assert "type: Explicit" in config and "type: PSIPP" in config
@@ -213,7 +213,7 @@ if solved:
             out.write("%f\n%f %f\n" % (time, *nodes[node]))
 print("   planner    problem    success   makespan", file=sys.stderr)
 print("     PSIPP    problem   %f" % solved, "0.0 0.0", file=sys.stderr)
-"##;
+"#;
 
 #[test]
 fn psipp_is_told_and_read_in_its_own_unit() {
@@ -239,7 +239,7 @@ fn psipp_is_told_and_read_in_its_own_unit() {
 }
 
 /// Stands in for db-CBS: one robot drives straight to its goal at its largest speed.
-const DB_CBS: &str = r##"#!/usr/bin/env python3
+const DB_CBS: &str = r#"#!/usr/bin/env python3
 import os, re, sys
 given = dict(zip(sys.argv[1::2], sys.argv[2::2]))
 text = open(given["-i"]).read()
@@ -257,7 +257,7 @@ count = round((goal[0] - x) / step)
 for number in range(count + 1):
     out += f"      - [{x + (goal[0] - x) * number / count}, {y}, {heading}]\n"
 open(given["--optimization"], "w").write(out + "    actions: []\n")
-"##;
+"#;
 
 fn unicycle(yard: &Yard, robot: &str, goal: &str) {
     let task = format!(

@@ -90,9 +90,10 @@ pub fn write_dynobench_problem(problem: &DynobenchProblem<'_>) -> Vec<u8> {
     row(&mut text, &problem.min_m);
     text.push_str("  max: ");
     row(&mut text, &problem.max_m);
-    text.push_str(match problem.boxes_m.is_empty() {
-        true => "  obstacles: []\n",
-        false => "  obstacles:\n",
+    text.push_str(if problem.boxes_m.is_empty() {
+        "  obstacles: []\n"
+    } else {
+        "  obstacles:\n"
     });
     for [low, high] in &problem.boxes_m {
         let [(x, width), (y, height)] = [0, 1].map(|axis| covering(low[axis], high[axis]));

@@ -96,7 +96,7 @@ impl<'a> Words<'a> {
         let before = &self.bytes[..byte];
         let begin = before.iter().rposition(|byte| *byte == b'\n');
         let begin = begin.map_or(0, |newline| newline + 1);
-        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+        let line = before.split(|byte| *byte == b'\n').count();
         InputError::new(self.source, reason)
             .at(line as u64, column(&self.bytes[begin..], byte - begin))
     }

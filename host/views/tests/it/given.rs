@@ -34,7 +34,8 @@ fn a_roadmap_is_taken_as_it_is() {
     let about = view.about();
     assert_eq!(about["origin"]["operator"], "task-on-roadmap");
     let slow = given_roadmap(&problem, square(&[]), Some(0.5)).unwrap();
-    assert_eq!(slow.speed_m_per_s, 0.5);
+    assert_eq!(about["speed_m_per_s"], 1.0);
+    assert_eq!(slow.about()["speed_m_per_s"], 0.5);
     assert_ne!(slow.digest(), view.digest());
 }
 

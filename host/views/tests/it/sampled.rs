@@ -254,10 +254,10 @@ fn benchmark(file: &Path, agents: usize) -> (Problem, Roadmap) {
         })
         .collect();
     let task = format!(
-        r#"{{"format": "fleetyard.task/1", "world": {:?}, "robots": {{"disc": {{
+        r#"{{"format": "fleetyard.task/1", "world": {}, "robots": {{"disc": {{
             "footprint": {{"disc": {{"radius_m": {}}}}}, "model": {{"single-integrator": {{"speed_m_per_s": {}}}}}}}}},
             "agents": [{}]}}"#,
-        std::fs::canonicalize(world).unwrap(),
+        serde_json::json!(std::fs::canonicalize(world).unwrap()),
         tasks["radius_m"],
         tasks["speed_m_per_s"],
         ends.join(", ")

@@ -85,6 +85,10 @@ impl InPlane {
 }
 
 /// The box along the axes that a polygon is.
+#[expect(
+    clippy::float_cmp,
+    reason = "a side that is nearly along an axis is not along it"
+)]
 fn box_of(corners: &[[f64; 2]]) -> Option<Corners> {
     let [a, b, c, d] = corners else {
         return None;
