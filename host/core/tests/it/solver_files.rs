@@ -53,7 +53,7 @@ const PLAN: &str =
 fn plans_of_psipp() {
     let read = |text: &str| read_psipp_plan("plan.txt", text.as_bytes());
     let plan = read(PLAN).unwrap();
-    assert_eq!(plan.knots(0).time_s, [0.0, 1.5, 4.501666]);
+    assert_eq!(plan.knots(0).time_s, [0.0, 1.5, 4.501_666]);
     assert_eq!(
         (plan.knots(1).x_m, plan.knots(1).y_m),
         (&[3.0][..], &[4.0][..])
