@@ -4,7 +4,7 @@ beside what was measured here.
 
     python3 scripts/lsmart_page.py FOLDER [reduced | full] [KEPT] > docs/results/lsmart.md
 
-Needs nothing but Python's own library and scripts/verdicts.py. Rows that figures come from are kept as CSV in the folder KEPT,
+Needs nothing but Python's own library and what stands beside it. Rows that figures come from are kept as CSV in the folder KEPT,
 so that measuring can go on in parts: a row of a store takes the place of the same row that was kept.
 Every verdict follows from the rows by the rules that the page states.
 """
@@ -17,7 +17,8 @@ import sys
 from collections import defaultdict
 from xml.sax.saxutils import escape
 
-from verdicts import MARGIN, Claim, Seeds, judge, log_odds
+from figures import COLOURS, picture
+from verdicts import MARGIN, Claim, Seeds, judge, log_odds, spread
 
 SETUPS = {
     "1": "1: standard, periodic", "2": "2: standard, event-based",
@@ -463,15 +464,12 @@ def forest(said, form):
         axis.append(f'<path class="{"even" if ratio == 1 else "axis"}" d="M{at:.1f} 22V{y}"/>'
                     f'<text x="{at:.1f}" y="16" text-anchor="middle">× {ratio}</text>')
     margin = [x(-MARGIN), x(MARGIN)]
-    style = ("text{font:11px sans-serif;fill:#333}.claim{font-weight:bold}path{stroke:#4477aa;stroke-width:1.5;fill:none}"
-             "circle{fill:#4477aa}.all{stroke:#cc3311}circle.all{fill:#cc3311}.axis{stroke:#ddd;stroke-width:1}"
-             ".even{stroke:#888;stroke-width:1}.page{fill:#fff}.similar{fill:#f2f2ea}"
-             "@media(prefers-color-scheme:dark){text{fill:#ddd}.page{fill:#1c1c1c}.similar{fill:#2a2a26}.axis{stroke:#3a3a3a}}")
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {y + 10}" width="{width}" height="{y + 10}">'
-            f'<title>Effects on throughput, {FORMS[form]}, with 95 % intervals</title><style>{style}</style>'
-            f'<rect class="page" width="{width}" height="{y + 10}"/>'
-            f'<rect class="similar" x="{margin[0]:.1f}" y="22" width="{margin[1] - margin[0]:.1f}" height="{y - 22}"/>'
-            + "".join(axis) + "\n".join(out) + "</svg>\n")
+    style = (".claim{font-weight:bold}path{stroke:#4477aa;stroke-width:1.5;fill:none}circle{fill:#4477aa}"
+             ".all{stroke:#cc3311}circle.all{fill:#cc3311}.axis{stroke:#ddd;stroke-width:1}"
+             ".even{stroke:#888;stroke-width:1}.similar{fill:#f2f2ea}")
+    similar = f'<rect class="similar" x="{margin[0]:.1f}" y="22" width="{margin[1] - margin[0]:.1f}" height="{y - 22}"/>'
+    return picture(f"Effects on throughput, {FORMS[form]}, with 95 % intervals", width, y + 10,
+                   similar + "".join(axis) + "\n".join(out), style, ".similar{fill:#2a2a26}.axis{stroke:#3a3a3a}")
 
 
 def peers(page, rows):
@@ -521,7 +519,7 @@ def curves(measured, setups):
     if not found:
         return None
     wide, high, left, top, gap = 200, 150, 50, 40, 60
-    colours = dict(zip(setups, ("#4477aa", "#ee6677", "#228833", "#66ccee", "#aa3377", "#998800")))
+    colours = dict(zip(setups, COLOURS))
     out = []
     for column, name in enumerate(sorted(found)):
         lines = found[name]
@@ -559,20 +557,9 @@ def curves(measured, setups):
         label = {"3": "3: W = 1 s, PIBT", "7": "7: W = 10 s, PIBT"}.get(setup, SETUPS[setup])
         out.append(f'<path d="M{at:.0f} {height - 10}h14" stroke="{colours[setup]}" stroke-width="2"/>'
                    f'<text x="{at + 18:.0f}" y="{height - 6}">{escape(label)}</text>')
-    style = ("text{font:11px sans-serif;fill:#333}.name{font-weight:bold}.axis{stroke:#888;fill:none}"
-             "polyline{fill:none;stroke-width:1.5}.page{fill:#fff}"
-             "@media(prefers-color-scheme:dark){text{fill:#ddd}.page{fill:#1c1c1c}}")
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">'
-            f'<title>Throughput and calls of fail policies by number of robots, with 95 % intervals</title><style>{style}</style>'
-            f'<rect class="page" width="{width}" height="{height}"/>' + "\n".join(out) + "</svg>\n")
-
-
-def spread(values):
-    """Mean and ends of its 95 % t interval; of one value that value."""
-    if len(values) < 2:
-        return values[0], values[0], values[0]
-    seeds = Seeds(values)
-    return (seeds.mean, *seeds.interval())
+    style = ".name{font-weight:bold}.axis{stroke:#888;fill:none}polyline{fill:none;stroke-width:1.5}"
+    return picture("Throughput and calls of fail policies by number of robots, with 95 % intervals", width, height,
+                   "\n".join(out), style)
 
 
 def main():

@@ -105,6 +105,14 @@ class Seeds:
         return other
 
 
+def spread(values):
+    """Mean and ends of its 95 % t interval; of one value that value."""
+    if len(values) < 2:
+        return values[0], values[0], values[0]
+    seeds = Seeds(values)
+    return (seeds.mean, *seeds.interval())
+
+
 class Claim:
     """One of the three claims about differences by seed."""
 
