@@ -16,6 +16,7 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
+mod grace;
 mod maze_benchmark;
 mod protocol;
 #[path = "../rows.rs"]
