@@ -1,6 +1,6 @@
-"""What the pictures of pages of results have in common."""
+"""The frame and the colours of pictures on pages of results."""
 
-# Colours that are told apart by people who see fewer (Paul Tol's bright scheme).
+# Told apart by people who see fewer colours.
 COLOURS = ("#4477aa", "#ee6677", "#228833", "#66ccee", "#aa3377", "#998800")
 
 STYLE = "text{font:11px sans-serif;fill:#333}.page{fill:#fff}"

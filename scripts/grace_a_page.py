@@ -28,7 +28,7 @@ EXECUTED = {"pairs": "contacts_agent_agent", "walls": "contacts_agent_obstacle",
             "arrived": "arrived", "makespan_s": "makespan_s", "off_m": "tracking_error_max_m"}
 MEASURED = ("plan_ms", "prepare_ms", "length_m", "soc_s", "makespan_s",
             *(f"{how}_{figure}" for how in EXECUTIONS for figure in EXECUTED))
-# What is kept of a trial: which it is, how it ended, and figures of plan and executions, empty where there are none.
+# Columns of a trial: which it is, how it ended, and figures of plan and executions, empty where there are none.
 COLUMNS = ["family", "seed", "agents", "view", "planner", "model", "termination", "failure", "valid", "valid_in_world",
            "keeps_limits", *MEASURED, "by_clock", "contended", "machine"]
 COUNTS = ("seed", "agents", "valid", "valid_in_world", "keeps_limits", "by_clock")
@@ -87,7 +87,7 @@ class Trials:
 
 
 def time_ms(row):
-    """What a planner took from the view to the plan. A trial beside other work on the machine tells nothing of it."""
+    """Time from the view to the plan, None where the trial was beside other work on the machine."""
     return None if row["contended"] else row["plan_ms"] + row["prepare_ms"]
 
 
@@ -127,6 +127,10 @@ def percent(by_seed):
         return "–"
     middle, low, high = (100 * math.exp(value) for value in spread(list(by_seed.values())))
     return digits(middle) if len(by_seed) < 2 else f"{digits(middle)} [{digits(low)}, {digits(high)}]"
+
+
+def count(number, what):
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def share(part, whole):
@@ -301,7 +305,7 @@ def table_of_planners(page, trials, planners):
 
 
 def losses(trials):
-    """What speaks against a view or its planner, as sentences."""
+    """Sentences that speak against a view or its planner."""
     told = []
     base, cells = trials.chosen["continuous"]
     plans = [row for row in cells.values() if row["valid"]]
@@ -369,9 +373,9 @@ def write(page, kept):
              "scripts/grace-a --quick    # two seeds, three team sizes\nscripts/grace-a page       # this page from its rows\n```\n")
     disturbed = sum(bool(row["contended"]) for row in trials.rows)
     machines = sorted({row["machine"] for row in trials.rows if row["machine"]})
-    out.text(f"Written by `scripts/grace_a_page.py` from {len(trials.rows)} trials: {len(trials.seeds)} seeds, teams of {teams}, 5 × 5 m. The rows are in "
+    out.text(f"Written by `scripts/grace_a_page.py` from {len(trials.rows)} trials: {count(len(trials.seeds), 'seed')}, teams of {teams}, 5 × 5 m. The rows are in "
              f"`{folder}/`. Planners had 60 s on grids and roadmaps and 300 s in the plane, on one thread of {' and of '.join(machines)}. "
-             + (f"The machine had something else to do during {disturbed} trials, whose times are not used." if disturbed
+             + (f"The machine had something else to do during {count(disturbed, 'trial')}, whose times are not used." if disturbed
                 else "No trial was disturbed by other work on the machine.") + "\n")
     out.text("## What is worse\n")
     out.text(*(f"- {loss}" for loss in losses(trials)), "")

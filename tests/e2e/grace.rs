@@ -70,7 +70,11 @@ fn representations_are_compared_and_the_page_says_so() {
         near.fold(f64::INFINITY, f64::min)
     };
     // Round a corner it is √2·r, where the grid's rules are kept.
-    assert!((near("grid") - 0.08 * 2_f64.sqrt()).abs() < 2e-3, "{}", near("grid"));
+    assert!(
+        (near("grid") - 0.08 * 2_f64.sqrt()).abs() < 2e-3,
+        "{}",
+        near("grid")
+    );
     assert!(near("grid-strict") > 0.16 - 1e-6, "{}", near("grid-strict"));
 
     let page = text(&yard, "page/grace-a.md");
@@ -99,7 +103,8 @@ fn representations_are_compared_and_the_page_says_so() {
     assert_eq!(text(&yard, "page/grace-a/figure.svg"), figure);
 
     // Elsewhere the same comes out, but for times.
-    let again = format!("{PLANNERS} --seeds 1 --agents 4 --retry 0 --out again --page again/grace-a.md");
+    let again =
+        format!("{PLANNERS} --seeds 1 --agents 4 --retry 0 --out again --page again/grace-a.md");
     script(&yard, &again).expect(SUCCESS);
     let again = rows(&yard.path("again"));
     assert_eq!(again.len(), FAMILIES.len() * VIEWS.len());
@@ -118,7 +123,10 @@ fn representations_are_compared_and_the_page_says_so() {
     script(&yard, "page --page page/grace-a.md").expect(SUCCESS);
     let exact = text(&yard, "page/grace-a.md");
     assert!(!exact.contains("No planner for the plane"), "{exact}");
-    assert!(exact.contains("`plane-pp` plans for the same double integrators"), "{exact}");
+    assert!(
+        exact.contains("`plane-pp` plans for the same double integrators"),
+        "{exact}"
+    );
 }
 
 #[test]
@@ -128,7 +136,10 @@ fn what_the_comparison_cannot_do_is_said() {
     }
     let yard = Yard::new();
     let cases = [
-        ("--planner nobody", "error: there is no planner nobody\nhint: "),
+        (
+            "--planner nobody",
+            "error: there is no planner nobody\nhint: ",
+        ),
         ("--agents 9", "error: teams have 1 to 8 robots"),
         ("--seeds 0", "error: there is at least one seed"),
         ("page --page none.md", "error: there are no rows in "),
