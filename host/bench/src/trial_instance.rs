@@ -283,9 +283,11 @@ impl TrialInstance<'_> {
                 let Some(lifted) = judged.and_then(|judged| judged.lifted.as_ref()) else {
                     return Ok(None);
                 };
+                let headings = problem.start_headings();
                 let mut simulator = Simulator::new(config)
                     .in_workspace(&problem.world)
-                    .with_fleet(&problem.fleet);
+                    .with_fleet(&problem.fleet)
+                    .facing(&headings);
                 if let View::Roadmap(view) = view {
                     simulator = simulator.over_roadmap(&view.roadmap);
                 }

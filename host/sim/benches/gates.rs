@@ -9,8 +9,9 @@ mod common;
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use fleetyard_core::{Grid, GridPlan};
+use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan, cell_center_m};
 use fleetyard_sim::gate::{DependencyGraph, GateOptions, Gates, GridRoutes};
+use fleetyard_sim::motion::wrap;
 use fleetyard_sim::noise::{Disturbance, Messages, Noise, VelocityNoise};
 use fleetyard_world::{Footprint, Shape};
 
@@ -38,6 +39,41 @@ fn build(routes: &GridRoutes<'_>, shape: &Shape, by_cell: bool) -> DependencyGra
         ..GateOptions::default()
     };
     DependencyGraph::build(routes, &|_| shape, &options).expect("a graph")
+}
+
+/// Walks on cells of 1.5 m, a second and a half each, of robots that head where they go and
+/// turn in the first third of it.
+fn turning(walks: &GridPlan, grid: &Grid) -> TrajectoryPlan {
+    let mut plan = TrajectoryPlan::default();
+    for path in walks.paths() {
+        let mut heading = 0.0;
+        let mut knots = Vec::new();
+        let mut time_s = 0.0;
+        let mut push = |cell: u32, heading: f64, time_s: f64| {
+            let (x_m, y_m) = cell_center_m(grid, 1.5, cell);
+            knots.push(Knot {
+                time_s,
+                x_m,
+                y_m,
+                heading_rad: Some(heading),
+            });
+        };
+        push(path[0], heading, 0.0);
+        for pair in path.windows(2) {
+            let (from, to) = (
+                cell_center_m(grid, 1.5, pair[0]),
+                cell_center_m(grid, 1.5, pair[1]),
+            );
+            if from != to {
+                heading += wrap(libm::atan2(to.1 - from.1, to.0 - from.0) - heading);
+                push(pair[0], heading, time_s + 0.5);
+            }
+            time_s += 1.5;
+            push(pair[1], heading, time_s);
+        }
+        plan.push_path(knots).expect("a path");
+    }
+    plan
 }
 
 /// Executes a plan as fast as it goes, with a tenth of the agents at a knot in
@@ -122,6 +158,34 @@ fn gates(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(20_000));
         group.bench_function(BenchmarkId::new("build with rings", radius_m), |bencher| {
             bencher.iter(|| build(black_box(&routes), &shape, true));
+        });
+    }
+    // Quadrupeds on lanes, each turning to where it goes.
+    let go2 = Footprint::Rectangle {
+        length_m: 0.7,
+        width_m: 0.31,
+    };
+    let go2 = go2.shape().expect("a footprint");
+    for (agents, actions) in [(100, 200), (1000, 100)] {
+        let walks = common::valid_drives(&mut common::rng(2), &grid, agents, actions);
+        let routes = turning(&walks, &grid);
+        let build = || {
+            let options = GateOptions {
+                margin_m: 0.05,
+                ..GateOptions::default()
+            };
+            DependencyGraph::build(black_box(&routes), &|_| &go2, &options).expect("a graph")
+        };
+        let name = format!("{agents} x {actions}");
+        let graph = build();
+        let pieces = (0..agents).map(|agent| graph.actions(agent)).sum::<usize>();
+        eprintln!(
+            "rectangles, {name}: {pieces} actions, {} dependencies",
+            graph.edges()
+        );
+        group.throughput(Throughput::Elements((agents * actions) as u64));
+        group.bench_function(BenchmarkId::new("build for rectangles", &name), |bencher| {
+            bencher.iter(build);
         });
     }
     group.finish();

@@ -11,9 +11,10 @@ use fleetyard_world::Pose;
 
 use crate::chunk::{Chunk, Span, fraction, interpolate};
 use crate::gate::Routes;
-use crate::motion::{Model, State, Target, wrap};
+use crate::motion::{Model, State, Target, stopping_speed, wrap};
 use crate::noise::Noise;
 use crate::route::Place;
+use crate::solved::UNLIMITED;
 
 /// The progress of a body along its route.
 #[derive(Debug, Clone, Copy)]
@@ -326,6 +327,9 @@ impl Driver<'_> {
         let mut state = pilot.state;
         if let Some(model) = model {
             model.run(&mut state, &target, 1, self.tick_s, factor, &mut |_| {});
+            if model.is_exact() && !by_time {
+                self.brake(&mut state, &pilot.state, &target);
+            }
             return state;
         }
         let (dx, dy) = (target.x - state.x, target.y - state.y);
@@ -342,7 +346,32 @@ impl Driver<'_> {
             .heading
             .map_or(0.0, |heading| heading - state.heading);
         state.omega = turn / self.tick_s;
+        if !by_time {
+            self.brake(&mut state, &pilot.state, &target);
+        }
         state
+    }
+
+    /// Slows a body that has no limits of its own so far down that its drive stops it at its
+    /// target: who passes there next relies on that.
+    fn brake(&self, wish: &mut State, now: &State, target: &Target) {
+        let (dx, dy) = (target.x - now.x, target.y - now.y);
+        let turn = target
+            .heading
+            .map_or(0.0, |heading| (heading - now.heading).abs());
+        let speed = (wish.vx * wish.vx + wish.vy * wish.vy).sqrt();
+        let mut part: f64 = 1.0;
+        for (rate, gap) in [
+            (speed, (dx * dx + dy * dy).sqrt()),
+            (wish.omega.abs(), turn),
+        ] {
+            if rate > 0.0 {
+                part = part.min(stopping_speed(gap, UNLIMITED, self.tick_s) / rate);
+            }
+        }
+        wish.vx *= part;
+        wish.vy *= part;
+        wish.omega *= part;
     }
 
     /// Updates the progress of a body that can be pushed from its actual place.

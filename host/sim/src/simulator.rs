@@ -12,7 +12,7 @@ use crate::control::Pilot;
 use crate::engine::Engine;
 use crate::error::SimError;
 use crate::execution::Run;
-use crate::gate::{DependencyGraph, GateOptions, Gates};
+use crate::gate::{DependencyGraph, GateOptions, Gates, Routes};
 use crate::kinematic::Shapes;
 use crate::motion::{Fleet, Model};
 use crate::obstacles::Obstacles;
@@ -33,6 +33,7 @@ pub struct Simulator<'a> {
     workspace: Option<&'a Workspace>,
     fleet: Option<&'a Fleet>,
     roadmap: Option<&'a Roadmap>,
+    headings: &'a [Option<f64>],
     config: &'a SimConfig,
 }
 
@@ -44,6 +45,7 @@ impl<'a> Simulator<'a> {
             workspace: None,
             fleet: None,
             roadmap: None,
+            headings: &[],
             config,
         }
     }
@@ -82,6 +84,13 @@ impl<'a> Simulator<'a> {
             roadmap: Some(roadmap),
             ..self
         }
+    }
+
+    /// Adds headings of agents at the start of a plan that gives none, in radians: in place of
+    /// [`SimConfig::start_heading_rad`], where an agent has one.
+    #[must_use]
+    pub fn facing(self, headings: &'a [Option<f64>]) -> Self {
+        Self { headings, ..self }
     }
 
     /// Executes a plan and reports its events to `sink`.
@@ -182,6 +191,19 @@ impl<'a> Simulator<'a> {
         Some(self.fleet?.model(agent))
     }
 
+    /// Heading of an agent at the start of a plan without headings.
+    fn start_heading_rad(&self, agent: usize) -> f64 {
+        let given = self.headings.get(agent).copied().flatten();
+        given.unwrap_or_else(|| {
+            // A body without a model has no heading of its own: plans give it.
+            if self.model(agent).is_none_or(is_pebble) {
+                0.0
+            } else {
+                self.config.start_heading_rad
+            }
+        })
+    }
+
     fn shapes(&self, agents: usize) -> Result<Shapes, SimError> {
         let mut shapes = match self.fleet {
             Some(fleet) => Shapes {
@@ -254,10 +276,10 @@ impl<'a> Simulator<'a> {
         } else {
             let (shapes, models) = (&engine.shapes, &engine.setup.models);
             let swept = swept_shapes(shapes, models, crowd.headings);
-            let needed_m = 2.0 * swept.iter().map(|swept| swept.off_m).fold(0.0, f64::max);
+            let most = |off_m: fn(&Swept) -> f64| 2.0 * swept.iter().map(off_m).fold(0.0, f64::max);
             let options = GateOptions {
-                margin_m: config.margin_m + needed_m,
-                least_margin_m: needed_m,
+                margin_m: config.margin_m + most(|swept| swept.off_m),
+                least_margin_m: most(|swept| if swept.is_exact { 0.0 } else { swept.off_m }),
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
@@ -265,7 +287,12 @@ impl<'a> Simulator<'a> {
                 let kind = shapes.kind_of(agent as u32);
                 swept[kind].disc.as_ref().unwrap_or(&shapes.kinds[kind])
             };
-            let graph = DependencyGraph::build(&reference, &shape_of, &options)?;
+            let heading_rad = |agent: usize| self.start_heading_rad(agent);
+            let routes = Headed {
+                routes: &reference,
+                heading_rad: (!crowd.headings).then_some(&heading_rad as _),
+            };
+            let graph = DependencyGraph::build(&routes, &shape_of, &options)?;
             let (messages, seed) = (&config.disturbance.messages, config.disturbance.seed);
             Some(Gates::with_messages(
                 graph,
@@ -308,14 +335,10 @@ impl<'a> Simulator<'a> {
                 return movers[body - agents].pose_at(0.0);
             }
             let place = (crowd.start)(body);
-            // A body without a model has no heading of its own: plans give it.
-            let model = self.model(body);
-            let heading = if model.is_none_or(is_pebble) {
-                0.0
-            } else {
-                config.start_heading_rad
-            };
-            Pose::new(place.x, place.y, place.heading.unwrap_or(heading))
+            let heading = place
+                .heading
+                .unwrap_or_else(|| self.start_heading_rad(body));
+            Pose::new(place.x, place.y, heading)
         };
         let bodies = agents + movers.len();
         let chunks = (0..bodies).step_by(CHUNK).map(|first| {
@@ -406,15 +429,17 @@ pub(crate) struct Crowd<'c> {
 
 /// Geometry of a kind of robots for the dependency graph.
 struct Swept {
-    /// The disc around its footprint, if its heading is unknown: plans on grids and
-    /// roadmaps give none, and wheels head where their controllers drive.
+    /// The disc around its footprint, if its heading is unknown: wheels head where their
+    /// controllers drive.
     disc: Option<Shape>,
     /// Largest deviation of a point of it from its planned sweep, in metres.
     off_m: f64,
+    /// Set if the deviation is rounding alone.
+    is_exact: bool,
 }
 
-/// For every kind of robots, the accuracy of the plan's poses: the tolerances of the
-/// model, of place and, where headings count, of heading.
+/// For every kind of robots, the accuracy of the routes' poses: the tolerances of the model,
+/// of place and, where the footprint is no disc, of heading.
 fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> Vec<Swept> {
     let kinds = shapes.kinds.iter().zip(models);
     kinds
@@ -423,28 +448,56 @@ fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> V
                 return Swept {
                     disc: None,
                     off_m: 0.0,
+                    is_exact: true,
                 };
             };
             let place_m = model.arrival_tolerance_m().max(model.lateral_tolerance_m());
-            if shape.is_disc() || is_pebble(model) {
-                return Swept {
-                    disc: None,
-                    off_m: place_m,
-                };
-            }
-            if headings && model.keeps_headings() {
-                let turned_m = shape.effective_radius_m() * model.heading_tolerance_rad();
-                return Swept {
-                    disc: None,
-                    off_m: place_m + turned_m,
-                };
-            }
+            let turned_m = shape.effective_radius_m() * model.heading_tolerance_rad();
+            let (disc, off_m) = if shape.is_disc() || is_pebble(model) {
+                (None, place_m)
+            } else if model.keeps_headings() {
+                // A heading that nothing asks for does not change at all.
+                (None, place_m + if headings { turned_m } else { 0.0 })
+            } else {
+                (Some(shape.enclosing_disc()), place_m)
+            };
             Swept {
-                disc: Some(shape.enclosing_disc()),
-                off_m: place_m,
+                disc,
+                off_m,
+                is_exact: model.is_exact(),
             }
         })
         .collect()
+}
+
+/// Routes of which those without headings keep the headings of their starts: so do all bodies
+/// that do not drive where they head, which are swept as discs.
+struct Headed<'a, R> {
+    routes: &'a R,
+    /// Heading of an agent at the start, if the routes have none.
+    heading_rad: Option<&'a (dyn Fn(usize) -> f64 + Sync)>,
+}
+
+impl<R: Routes> Routes for Headed<'_, R> {
+    fn agents(&self) -> usize {
+        self.routes.agents()
+    }
+
+    fn actions(&self, agent: usize) -> usize {
+        self.routes.actions(agent)
+    }
+
+    fn pose(&self, agent: usize, knot: usize) -> Pose {
+        let pose = self.routes.pose(agent, knot);
+        match self.heading_rad {
+            Some(heading_rad) => Pose::new(pose.x, pose.y, heading_rad(agent)),
+            None => pose,
+        }
+    }
+
+    fn time_s(&self, agent: usize, knot: usize) -> f64 {
+        self.routes.time_s(agent, knot)
+    }
 }
 
 /// True if a model follows its reference without any time to spare.

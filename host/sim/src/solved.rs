@@ -21,7 +21,7 @@ const GRIP: f64 = 6.0;
 
 /// Acceleration of bodies without limits, in m/s² and rad/s²: harder drives press robots
 /// into each other (docs/results/simulator.md).
-const UNLIMITED: f64 = 15.0;
+pub(crate) const UNLIMITED: f64 = 15.0;
 
 /// The bodies of an execution as a contact world.
 pub(crate) struct Solved {

@@ -464,6 +464,12 @@ impl Problem {
         &self.fleet.shapes()[self.fleet.profile_of()[agent] as usize]
     }
 
+    /// Heading of every agent at its start, where the task gives one.
+    pub fn start_headings(&self) -> Vec<Option<f64>> {
+        let agents = self.task.agents.iter();
+        agents.map(|agent| agent.start.heading_rad).collect()
+    }
+
     /// r_com, the largest effective radius of the agents, in metres.
     pub fn common_radius_m(&self) -> f64 {
         common_radius_m((0..self.task.agents.len()).map(|agent| self.shape(agent)))

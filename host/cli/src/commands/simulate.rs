@@ -157,6 +157,8 @@ struct Scene {
     grid: Option<Grid>,
     workspace: Option<Workspace>,
     fleet: Option<Fleet>,
+    /// Headings of a task's robots at their starts, where it gives them.
+    headings: Vec<Option<f64>>,
     roadmap: Option<Arc<Roadmap>>,
     plan: AnyPlan,
     /// The plan on a grid as straight lines, if it is meant so.
@@ -189,6 +191,7 @@ impl Scene {
             grid,
             workspace,
             fleet,
+            headings: Vec::new(),
             roadmap,
             plan,
             lines,
@@ -207,6 +210,7 @@ impl Scene {
             grid: None,
             plan: AnyPlan::Trajectories(judgement.lifted(plan)?),
             roadmap: judgement.roadmap(),
+            headings: judgement.problem.start_headings(),
             workspace: Some(judgement.problem.world),
             fleet: Some(judgement.problem.fleet),
             lines: None,
@@ -221,7 +225,7 @@ const DESCRIBED: usize = 100;
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let config = config(arguments);
     let scene = Scene::load(arguments, &config)?;
-    let mut simulator = Simulator::new(&config);
+    let mut simulator = Simulator::new(&config).facing(&scene.headings);
     if let Some(grid) = &scene.grid {
         simulator = simulator.on_grid(grid);
     }

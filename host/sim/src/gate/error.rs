@@ -22,13 +22,42 @@ pub enum GateError {
         knot: usize,
         time_s: f64,
     },
-    #[error("agents {} and {} collide at {time_s} s of the plan", agents[0], agents[1])]
-    Collision { agents: [u32; 2], time_s: f64 },
     #[error(
-        "agents {} pass each other at {time_s} s of the plan with too little room for any order",
-        list(agents)
+        "agents {} and {} collide at {time_s} s of the plan, near {}",
+        agents[0], agents[1], place(at_m)
     )]
-    NoOrder { agents: Vec<u32>, time_s: f64 },
+    Collision {
+        agents: [u32; 2],
+        time_s: f64,
+        /// Between the two agents.
+        at_m: [f64; 2],
+    },
+    #[error(
+        "agents {} pass each other at {time_s} s of the plan, near {}, with too little room for any \
+         order{}",
+        list(agents), place(at_m), room(*room_m)
+    )]
+    NoOrder {
+        agents: Vec<u32>,
+        time_s: f64,
+        /// Between the agents.
+        at_m: [f64; 2],
+        /// Distance between footprints that the order needs at least; 0 if any will do.
+        room_m: f64,
+    },
+}
+
+fn place([x, y]: &[f64; 2]) -> String {
+    format!("({x:.3}, {y:.3}) m")
+}
+
+fn room(room_m: f64) -> String {
+    if room_m > 0.0 {
+        let millimetres = (room_m * 1e3).ceil();
+        format!(": their controllers need {millimetres} mm between footprints")
+    } else {
+        String::new()
+    }
 }
 
 /// The first few agents of a ring, and the number of the others.
@@ -63,8 +92,8 @@ impl GateError {
                  or make the footprints smaller if only they are too large for it",
             ),
             Self::NoOrder { .. } => Some(
-                "use a smaller radius, or a planner that leaves a gap between agents \
-                 that follow each other round",
+                "execute the plan by time, or plan with more room: for wider footprints than the \
+                 robots', on wider cells, or with a gap between agents that follow each other round",
             ),
         }
     }

@@ -118,6 +118,12 @@ impl Timed {
     }
 }
 
+/// The middle between two agents at a common time of their motions.
+pub(super) fn middle(a: &Timed, b: &Timed, time_s: f64) -> [f64; 2] {
+    let (one, two) = (a.at(time_s), b.at(time_s));
+    [one.x.midpoint(two.x), one.y.midpoint(two.y)]
+}
+
 /// The two agents, the one with the lower number first.
 pub(super) fn pair(a: &Timed, b: &Timed) -> [u32; 2] {
     let (a, b) = (a.sweep.agent, b.sweep.agent);

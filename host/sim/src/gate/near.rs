@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::GateError;
 use super::graph::{Edge, GateOptions, Wait};
-use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
+use super::meet::{Bodies, Bounds, Order, Sweep, Timed, middle, order, overlap, pair};
 use super::routes::{Cuts, Routes, Split};
 
 /// Largest total number of actions and rests of all agents.
@@ -332,15 +332,20 @@ fn check_rest(
     // still, sweeping the same place is a collision.
     let (one, two) = (a.part(begin_s, end_s), b.part(begin_s, end_s));
     if bodies.meet(one, two, 0.0) {
+        let time_s = a.collides(b, bodies, 0.0).unwrap_or(begin_s);
         return Err(GateError::Collision {
             agents: pair(a, b),
-            time_s: a.collides(b, bodies, 0.0).unwrap_or(begin_s),
+            time_s,
+            at_m: middle(a, b, time_s),
         });
     }
     if least_m > 0.0 && bodies.meet(one, two, least_m) {
+        let time_s = a.collides(b, bodies, least_m).unwrap_or(begin_s);
         return Err(GateError::NoOrder {
             agents: pair(a, b).to_vec(),
-            time_s: a.collides(b, bodies, least_m).unwrap_or(begin_s),
+            time_s,
+            at_m: middle(a, b, time_s),
+            room_m: least_m,
         });
     }
     let is_tight = margin_m > least_m && bodies.meet(one, two, margin_m);

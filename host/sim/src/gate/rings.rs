@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::GateError;
 use super::frontier::Frontier;
 use super::graph::{DependencyGraph, Edge, GateOptions, Wait};
-use super::meet::{Bodies, Bounds, Order, Sweep, Timed, order, overlap, pair};
+use super::meet::{Bodies, Bounds, Order, Sweep, Timed, middle, order, overlap, pair};
 use super::routes::{Routes, Split};
 
 /// Largest number of pieces per action of a ring.
@@ -70,7 +70,7 @@ pub(super) fn resolve<R: Routes + ?Sized>(
     if Frontier::new(&ordered).run(&ordered) {
         return Ok(ordered);
     }
-    Err(unordered(&rings[0], &refined))
+    Err(unordered(&rings[0], &refined, options.least_margin_m))
 }
 
 /// The strongly connected components with more than one action among the actions that
@@ -296,7 +296,11 @@ impl Pieces {
 enum Stuck {
     /// Two agents are nearer than the margin at the same time, however small the
     /// pieces are.
-    TooClose { agents: [u32; 2], time_s: f64 },
+    TooClose {
+        agents: [u32; 2],
+        time_s: f64,
+        at_m: [f64; 2],
+    },
     /// Smaller pieces may have an order.
     Coarse,
 }
@@ -328,23 +332,40 @@ fn solve<R: Routes + ?Sized>(
                     });
                 }
                 Err(Stuck::Coarse) => pieces *= 2,
-                Err(Stuck::TooClose { agents, time_s }) if *margin_m <= 0.0 => {
-                    return Err(GateError::Collision { agents, time_s });
+                Err(Stuck::TooClose {
+                    agents,
+                    time_s,
+                    at_m,
+                }) if *margin_m <= 0.0 => {
+                    return Err(GateError::Collision {
+                        agents,
+                        time_s,
+                        at_m,
+                    });
                 }
                 Err(Stuck::TooClose { .. }) => break,
             }
         }
     }
-    Err(unordered(ring, routes))
+    Err(unordered(ring, routes, least_m))
 }
 
-fn unordered<R: Routes + ?Sized>(ring: &Ring, routes: &R) -> GateError {
-    let starts = ring
-        .iter()
-        .map(|part| routes.time_s(part.agent as usize, part.first as usize - 1));
+fn unordered<R: Routes + ?Sized>(ring: &Ring, routes: &R, room_m: f64) -> GateError {
+    let starts = ring.iter().map(|part| {
+        let (agent, knot) = (part.agent as usize, part.first as usize - 1);
+        (routes.time_s(agent, knot), routes.pose(agent, knot))
+    });
+    let places = ring.len() as f64;
+    let (mut time_s, mut at_m) = (f64::INFINITY, [0.0; 2]);
+    for (start_s, pose) in starts {
+        time_s = time_s.min(start_s);
+        at_m = [at_m[0] + pose.x / places, at_m[1] + pose.y / places];
+    }
     GateError::NoOrder {
         agents: ring.iter().map(|part| part.agent).collect(),
-        time_s: starts.fold(f64::INFINITY, f64::min),
+        time_s,
+        at_m,
+        room_m,
     }
 }
 
@@ -393,6 +414,7 @@ fn cut<R: Routes + ?Sized>(
                                 Some(time_s) => Stuck::TooClose {
                                     agents: pair(&others[at], motion),
                                     time_s,
+                                    at_m: middle(&others[at], motion, time_s),
                                 },
                                 None => Stuck::Coarse,
                             });

@@ -190,6 +190,11 @@ impl Axis {
     }
 }
 
+/// The largest speed of a tick from which a body stops within `gap`.
+pub(crate) fn stopping_speed(gap: f64, deceleration: f64, dt: f64) -> f64 {
+    Axis::new(Pid::default(), f64::INFINITY, [deceleration; 3], dt).bound(gap)
+}
+
 /// The angle in (−π, π] that differs from `angle` by whole turns.
 ///
 /// Exact: no rounding happens. Up to one turn out of range the one subtraction is exact

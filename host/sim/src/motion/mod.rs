@@ -34,6 +34,7 @@ pub use fleet_file::{
     Assignment, FLEET_FILE_LIMIT, FLEET_FORMAT, FleetFile, load_fleet, read_fleet,
 };
 pub use ideal::{Pebble, Rotation};
+pub(crate) use law::stopping_speed;
 pub use law::{Pid, wrap};
 pub use plane::{DoubleIntegrator, Holonomic, SingleIntegrator};
 pub use preset::{PRESETS, Preset};
@@ -90,6 +91,11 @@ impl Model {
     /// True if bodies follow their reference exactly, without a controller.
     pub fn is_ideal(&self) -> bool {
         matches!(self, Self::Pebble(_) | Self::Rotation(_))
+    }
+
+    /// True if a body is off its way by rounding alone.
+    pub fn is_exact(&self) -> bool {
+        self.is_ideal() || matches!(self, Self::SingleIntegrator(_))
     }
 
     /// Checks the parameters. A model that was read from a file is valid.

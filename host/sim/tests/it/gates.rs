@@ -7,11 +7,11 @@ use crate::common::{below, random_grid, rng, starts, turning_blocks, valid_drive
 use fleetyard_core::{Connectivity, Grid, GridPlan, Knot, TrajectoryPlan};
 use fleetyard_sim::gate::{DependencyGraph, GateError, GateOptions, Gates, GridRoutes, Routes};
 use fleetyard_sim::noise::Messages;
-use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator};
+use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, Tier};
 use fleetyard_world::{Footprint, Pose, Shape};
 use parry2d_f64::math::{Pose as Isometry, Vector};
 use parry2d_f64::query;
-use parry2d_f64::shape::{Ball, Cuboid};
+use parry2d_f64::shape::{Ball, ConvexPolygon, Cuboid};
 use rand_chacha::ChaCha8Rng;
 
 /// Overlaps up to this are rounding, in metres.
@@ -69,7 +69,13 @@ impl<'a, R: Routes> World<'a, R> {
                     length_m / 2.0 - TOUCH_M,
                     width_m / 2.0 - TOUCH_M,
                 ))),
-                Footprint::Polygon { .. } => unreachable!("polygons are not used here"),
+                Footprint::Polygon { .. } => {
+                    let shape = self.shape(agent);
+                    let less = 1.0 - TOUCH_M / shape.effective_radius_m();
+                    let corners = shape.vertices().iter();
+                    let corners = corners.map(|at| Vector::new(at.x, at.y) * less).collect();
+                    Box::new(ConvexPolygon::from_convex_polyline(corners).expect("convex"))
+                }
             }
         };
         let place = |pose: Pose| Isometry::new(Vector::new(pose.x, pose.y), pose.heading);
@@ -92,6 +98,12 @@ enum Adversary {
     StopWithin,
 }
 
+/// Per agent and action, the turns at which it began and ended.
+struct Journal {
+    began: Vec<Vec<usize>>,
+    ended: Vec<Vec<usize>>,
+}
+
 /// Executes a graph, one agent at a time, and looks at every place where an agent
 /// comes to be.
 fn execute<R: Routes>(
@@ -100,7 +112,7 @@ fn execute<R: Routes>(
     adversary: Adversary,
     messages: &Messages,
     rng: &mut ChaCha8Rng,
-) {
+) -> Journal {
     let routes = graph.routes(world.routes);
     let agents = graph.agents();
     let mut gates = Gates::with_messages(graph.clone(), messages, 5, 0.1);
@@ -108,6 +120,12 @@ fn execute<R: Routes>(
     let mut poses: Vec<Pose> = (0..agents).map(|agent| routes.pose(agent, 0)).collect();
     let mut stopped = vec![false; agents];
     let (mut block, mut idle) = (0, 0);
+    let never = |agent| vec![usize::MAX; graph.actions(agent) + 1];
+    let mut journal = Journal {
+        began: (0..agents).map(never).collect(),
+        ended: (0..agents).map(never).collect(),
+    };
+    let mut turn = 0;
     while !gates.is_finished() {
         gates.exchange(block);
         block += 1;
@@ -149,6 +167,9 @@ fn execute<R: Routes>(
             }
         };
         let reached = gates.reached()[agent] as usize;
+        turn += 1;
+        let began = &mut journal.began[agent][reached + 1];
+        *began = turn.min(*began);
         let to = (progress[agent] + share * (1.0 - progress[agent])).min(1.0);
         let (from, end) = (routes.pose(agent, reached), routes.pose(agent, reached + 1));
         // Places on the way, so that nobody jumps over anybody.
@@ -166,6 +187,7 @@ fn execute<R: Routes>(
         progress[agent] = to;
         if to >= 1.0 {
             progress[agent] = 0.0;
+            journal.ended[agent][reached + 1] = turn;
             gates.done(agent, reached + 1);
         }
     }
@@ -173,12 +195,52 @@ fn execute<R: Routes>(
         let last = world.routes.actions(agent);
         assert_eq!(*pose, world.routes.pose(agent, last), "agent {agent}");
     }
+    journal
+}
+
+/// An agent and one of its actions.
+type Action = (usize, usize);
+
+/// Actions of two agents that pass one place, the one that the plan has first before the other.
+fn passes<R: Routes>(world: &World<'_, R>, graph: &DependencyGraph) -> Vec<(Action, Action)> {
+    let routes = graph.routes(world.routes);
+    let mut all = Vec::new();
+    for agent in 0..graph.agents() {
+        for action in 1..=graph.actions(agent) {
+            let ends = [action - 1, action].map(|knot| routes.pose(agent, knot));
+            let times = [action - 1, action].map(|knot| routes.time_s(agent, knot));
+            let [from, to] = ends.map(|pose| [pose.x, pose.y]);
+            let reach = apart(from, to) + world.shape(agent).effective_radius_m();
+            all.push(((agent, action), ends, times, reach));
+        }
+    }
+    let mut found = Vec::new();
+    for (one, [from, to], [_, end_s], reach) in &all {
+        for (two, [begin, end], [start_s, _], other) in &all {
+            let far = apart([from.x, from.y], [begin.x, begin.y]) > reach + other;
+            if far || one.0 == two.0 || end_s > start_s {
+                continue;
+            }
+            let meet = (0..=6).any(|s| {
+                let pose = from.toward(*to, f64::from(s) / 6.0);
+                (0..=6).any(|t| {
+                    let there = begin.toward(*end, f64::from(t) / 6.0);
+                    world.overlap(one.0, pose, two.0, there)
+                })
+            });
+            if meet {
+                found.push((*one, *two));
+            }
+        }
+    }
+    found
 }
 
 fn execute_all<R: Routes>(world: &World<'_, R>, options: &GateOptions, rng: &mut ChaCha8Rng) {
     let graph = world.build(options).expect("a graph");
     let starved = below(rng, graph.agents());
     let late: Messages = "0s,1s,0.3".parse().expect("messages");
+    let passes = passes(world, &graph);
     for adversary in [
         Adversary::Random,
         Adversary::Starve(starved),
@@ -186,7 +248,14 @@ fn execute_all<R: Routes>(world: &World<'_, R>, options: &GateOptions, rng: &mut
         Adversary::StopWithin,
     ] {
         for messages in [Messages::default(), late] {
-            execute(world, &graph, adversary, &messages, rng);
+            let journal = execute(world, &graph, adversary, &messages, rng);
+            for ((a, i), (b, j)) in &passes {
+                let (ended, began) = (journal.ended[*a][*i], journal.began[*b][*j]);
+                assert!(
+                    ended < began,
+                    "action {j} of {b} before {i} of {a} in {adversary:?}"
+                );
+            }
         }
     }
 }
@@ -375,27 +444,132 @@ fn a_large_ring_turns_in_large_pieces() {
     execute_all(&world, &by_cell(), &mut rng);
 }
 
-/// Legs to random points at random speeds, each of which keeps away from
-/// everybody else's legs so far and from where everybody else rests.
+/// A footprint with everything nearer to it than a distance.
+fn grown(footprint: &Footprint, by_m: f64) -> Footprint {
+    match footprint {
+        Footprint::Disc { radius_m } => disc(radius_m + by_m),
+        Footprint::Rectangle { length_m, width_m } => Footprint::Rectangle {
+            length_m: length_m + 2.0 * by_m,
+            width_m: width_m + 2.0 * by_m,
+        },
+        Footprint::Polygon { .. } => {
+            let shape = footprint.shape().expect("a footprint");
+            let more = 1.0 + by_m / shape.inner_radius_m();
+            let corners = shape.vertices().iter();
+            let vertices_m = corners.map(|at| [at.x * more, at.y * more]).collect();
+            Footprint::Polygon { vertices_m }
+        }
+    }
+}
+
+/// Where agents may begin and go.
+trait Ways {
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Knot;
+    fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot;
+}
+
+/// Random poses in a square, at random speeds, now and then a turn in place.
+struct Square {
+    side_m: f64,
+}
+
+impl Square {
+    fn knot(&self, rng: &mut ChaCha8Rng, time_s: f64) -> Knot {
+        Knot {
+            time_s,
+            x_m: unit(rng) * self.side_m,
+            y_m: unit(rng) * self.side_m,
+            heading_rad: Some((unit(rng) - 0.5) * 6.0),
+        }
+    }
+}
+
+impl Ways for Square {
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Knot {
+        self.knot(rng, 0.0)
+    }
+
+    fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot {
+        let end_s = last.time_s + 1.0 + 3.0 * unit(rng);
+        let mut next = self.knot(rng, end_s);
+        if below(rng, 3) == 0 {
+            (next.x_m, next.y_m) = (last.x_m, last.y_m);
+        } else {
+            // Not too far, so that some legs are possible.
+            let reach = 0.2 + unit(rng);
+            next.x_m = last.x_m + (next.x_m - last.x_m) * reach.min(1.0);
+            next.y_m = last.y_m + (next.y_m - last.y_m) * reach.min(1.0);
+        }
+        next
+    }
+}
+
+/// Edges of a roadmap at one speed, each agent with one heading for ever.
+struct Roads {
+    at_m: Vec<[f64; 2]>,
+    reach_m: f64,
+    speed_m_per_s: f64,
+}
+
+impl Roads {
+    /// Random vertices of a square, each joined with all that are near.
+    fn random(rng: &mut ChaCha8Rng, side_m: f64, vertices: usize, speed_m_per_s: f64) -> Self {
+        let at_m = (0..vertices).map(|_| [unit(rng) * side_m, unit(rng) * side_m]);
+        Self {
+            at_m: at_m.collect(),
+            reach_m: 2.0 * side_m / (vertices as f64).sqrt(),
+            speed_m_per_s,
+        }
+    }
+}
+
+fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+    let (dx, dy) = (a[0] - b[0], a[1] - b[1]);
+    (dx * dx + dy * dy).sqrt()
+}
+
+impl Ways for Roads {
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Knot {
+        let [x_m, y_m] = self.at_m[below(rng, self.at_m.len())];
+        Knot {
+            time_s: 0.0,
+            x_m,
+            y_m,
+            heading_rad: Some((unit(rng) - 0.5) * 6.0),
+        }
+    }
+
+    fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot {
+        let here = [last.x_m, last.y_m];
+        let joined = |to: &[f64; 2]| apart(here, *to) <= self.reach_m && *to != here;
+        let ends: Vec<[f64; 2]> = self.at_m.iter().copied().filter(joined).collect();
+        let [x_m, y_m] = match ends.len() {
+            0 => here,
+            choices => ends[below(rng, choices)],
+        };
+        let takes_s = apart(here, [x_m, y_m]) / self.speed_m_per_s;
+        Knot {
+            time_s: last.time_s + takes_s.max(0.5),
+            x_m,
+            y_m,
+            ..*last
+        }
+    }
+}
+
+/// Legs each of which keeps away from everybody else's legs so far and from where everybody
+/// else rests.
 fn random_trajectories(
     rng: &mut ChaCha8Rng,
     footprints: &[Footprint],
-    agents: usize,
-    legs: usize,
-    side_m: f64,
+    (agents, legs): (usize, usize),
+    ways: &mut dyn Ways,
     clearance_m: f64,
 ) -> TrajectoryPlan {
     let none = TrajectoryPlan::default();
     let grown: Vec<Footprint> = footprints
         .iter()
-        .map(|footprint| match footprint {
-            Footprint::Disc { radius_m } => disc(radius_m + clearance_m),
-            Footprint::Rectangle { length_m, width_m } => Footprint::Rectangle {
-                length_m: length_m + 2.0 * clearance_m,
-                width_m: width_m + 2.0 * clearance_m,
-            },
-            Footprint::Polygon { .. } => unreachable!("polygons are not used here"),
-        })
+        .map(|footprint| grown(footprint, clearance_m))
         .collect();
     let oracle = World::new(&none, &grown);
     let pose_at = |path: &[Knot], time_s: f64| {
@@ -410,15 +584,9 @@ fn random_trajectories(
             None => pose(from),
         }
     };
-    let random_knot = |rng: &mut ChaCha8Rng, time_s: f64| Knot {
-        time_s,
-        x_m: unit(rng) * side_m,
-        y_m: unit(rng) * side_m,
-        heading_rad: Some((unit(rng) - 0.5) * 6.0),
-    };
     let mut paths: Vec<Vec<Knot>> = Vec::new();
     while paths.len() < agents {
-        let path = vec![random_knot(rng, 0.0)];
+        let path = vec![ways.start(rng)];
         let agent = paths.len();
         let is_free = |other: usize| {
             !oracle.overlap(
@@ -440,16 +608,7 @@ fn random_trajectories(
             })
             .expect("agents");
         let last = *paths[agent].last().expect("a start");
-        let end_s = last.time_s + 1.0 + 3.0 * unit(rng);
-        let mut next = random_knot(rng, end_s);
-        if below(rng, 3) == 0 {
-            (next.x_m, next.y_m) = (last.x_m, last.y_m);
-        } else {
-            // Not too far, so that some legs are possible.
-            let reach = 0.2 + unit(rng);
-            next.x_m = last.x_m + (next.x_m - last.x_m) * reach.min(1.0);
-            next.y_m = last.y_m + (next.y_m - last.y_m) * reach.min(1.0);
-        }
+        let next = ways.next(rng, &last);
         let leg = [last, next];
         let end_s = paths.iter().map(|path| path[path.len() - 1].time_s);
         let end_s = end_s.fold(next.time_s, f64::max);
@@ -484,7 +643,13 @@ fn trajectories_of_discs() {
     let footprints = [disc(0.3), disc(0.2)];
     for seed in 0..25 {
         let mut rng = rng(3000 + seed);
-        let plan = random_trajectories(&mut rng, &footprints, 9, 25, 4.0, 0.05);
+        let plan = random_trajectories(
+            &mut rng,
+            &footprints,
+            (9, 25),
+            &mut Square { side_m: 4.0 },
+            0.05,
+        );
         let world = World::new(&plan, &footprints);
         for margin_m in [0.0, 0.04, 0.2] {
             let options = GateOptions {
@@ -497,17 +662,144 @@ fn trajectories_of_discs() {
 }
 
 #[test]
-fn trajectories_of_rectangles() {
+fn trajectories_of_rectangles_and_polygons() {
     let rectangle = |length_m, width_m| Footprint::Rectangle { length_m, width_m };
-    let footprints = [rectangle(0.7, 0.31), disc(0.2), rectangle(0.9, 0.5)];
+    let hexagon = Footprint::Polygon {
+        vertices_m: vec![
+            [0.4, 0.0],
+            [0.2, 0.25],
+            [-0.2, 0.25],
+            [-0.3, 0.0],
+            [-0.2, -0.2],
+            [0.2, -0.2],
+        ],
+    };
+    let footprints = [
+        rectangle(0.7, 0.31),
+        disc(0.2),
+        rectangle(0.9, 0.5),
+        hexagon,
+    ];
     for seed in 0..12 {
         let mut rng = rng(4000 + seed);
-        let plan = random_trajectories(&mut rng, &footprints, 8, 20, 5.0, 0.1);
+        let plan = random_trajectories(
+            &mut rng,
+            &footprints,
+            (8, 20),
+            &mut Square { side_m: 5.0 },
+            0.1,
+        );
         let world = World::new(&plan, &footprints);
         execute_all(&world, &GateOptions::default(), &mut rng);
         let graph = world.build(&GateOptions::default()).expect("a graph");
         if seed < 3 {
             every_meeting_is_ordered(&world, &graph);
+        }
+    }
+}
+
+/// A quadruped, a disc and a wedge.
+fn mixed() -> [Footprint; 3] {
+    [
+        Footprint::Rectangle {
+            length_m: 0.7,
+            width_m: 0.31,
+        },
+        disc(0.2),
+        Footprint::Polygon {
+            vertices_m: vec![[0.4, 0.0], [-0.25, 0.2], [-0.25, -0.2]],
+        },
+    ]
+}
+
+#[test]
+fn trajectories_on_roadmaps() {
+    let footprints = mixed();
+    let mut waits = 0;
+    for seed in 0..12 {
+        let mut rng = rng(4500 + seed);
+        let mut roads = Roads::random(&mut rng, 6.0, 40, 1.0);
+        let plan = random_trajectories(&mut rng, &footprints, (8, 20), &mut roads, 0.05);
+        let world = World::new(&plan, &footprints);
+        execute_all(&world, &GateOptions::default(), &mut rng);
+        let options = GateOptions {
+            margin_m: 0.04,
+            least_margin_m: 0.04,
+            ..GateOptions::default()
+        };
+        execute_all(&world, &options, &mut rng);
+        waits += world.build(&options).expect("a graph").edges();
+    }
+    assert!(waits > 12 * 8, "{waits} dependencies");
+}
+
+/// A plan without its headings, and those of the starts.
+fn without_headings(plan: &TrajectoryPlan) -> (TrajectoryPlan, Vec<Option<f64>>) {
+    let mut bare = TrajectoryPlan::default();
+    for knots in plan.paths() {
+        let places = knots.iter().map(|knot| Knot {
+            heading_rad: None,
+            ..knot
+        });
+        bare.push_path(places).expect("a trajectory");
+    }
+    let starts = plan.paths().map(|knots| knots.get(0).heading_rad);
+    (bare, starts.collect())
+}
+
+/// By order: on roadmaps, where robots keep the headings of their starts, and in the plane,
+/// where plans say them.
+#[test]
+fn robots_of_any_shape_keep_the_order() {
+    let footprints = mixed();
+    let models = [
+        "single-integrator",
+        "double-integrator",
+        "holonomic",
+        "pebble",
+    ];
+    for seed in 0..6 {
+        let mut rng = rng(4700 + seed);
+        let mut roads = Roads::random(&mut rng, 8.0, 60, 0.5);
+        let on_roads = random_trajectories(&mut rng, &footprints, (9, 12), &mut roads, 0.06);
+        let (bare, headings) = without_headings(&on_roads);
+        let mut square = Square { side_m: 6.0 };
+        let in_plane = random_trajectories(&mut rng, &footprints, (9, 12), &mut square, 0.06);
+        for (plan, headings) in [(&bare, &headings[..]), (&in_plane, &[])] {
+            for (number, model) in models.into_iter().enumerate() {
+                let profiles = footprints.iter().map(|footprint| Profile {
+                    footprint: footprint.clone(),
+                    model: model.parse().expect("a model"),
+                });
+                let of_agent = (0..9).map(|agent| agent % 3).collect();
+                let fleet = Fleet::new(profiles.collect(), of_agent).expect("a fleet");
+                let mut config = SimConfig {
+                    policy: Policy::Adg,
+                    ..SimConfig::default()
+                };
+                let run = |config: &SimConfig| {
+                    Simulator::new(config)
+                        .with_fleet(&fleet)
+                        .facing(headings)
+                        .run(plan, &mut NoTrace)
+                        .unwrap_or_else(|error| panic!("{model}, seed {seed}: {error}"))
+                };
+                let prompt = run(&config);
+                config.tier = [Tier::Kinematic, Tier::Contact][(seed as usize + number) % 2];
+                config.disturbance.seed = seed;
+                config.disturbance.delay = "bernoulli:0.3,3s".parse().expect("a delay");
+                config.disturbance.velocity = "0.3,0.1".parse().expect("a noise");
+                config.disturbance.messages = "0s,0.5s,0.2".parse().expect("messages");
+                let late = run(&config);
+                for outcome in [&prompt, &late] {
+                    let contact = outcome.contacts.first.first();
+                    assert_eq!(contact, None, "{model}, seed {seed}");
+                    assert_eq!(outcome.arrived, 9, "{model}, seed {seed}");
+                }
+                assert!(prompt.makespan_s < late.makespan_s, "{model}, seed {seed}");
+                config.threads = 3;
+                assert_eq!(run(&config), late, "{model}, seed {seed}");
+            }
         }
     }
 }
