@@ -446,6 +446,116 @@ fn planners_of_every_representation_plan_for_a_task() {
     );
 }
 
+/// Discs that planners let touch: by order they need no room if they are driven exactly.
+#[test]
+fn plans_of_every_view_are_executed_by_time_and_by_order() {
+    let yard = yard(
+        r#"{"start": [0.75, 0.75], "goal": [3.25, 3.25]}, {"start": [3.25, 0.75], "goal": [0.75, 3.25]},
+           {"start": [0.75, 2], "goal": [3.25, 2]}"#,
+    );
+    for (planner, view) in [
+        ("lacam", "grid"),
+        ("roadmap-pp", "roadmap"),
+        ("plane-pp", "continuous"),
+    ] {
+        let plan =
+            format!("run --task hall.task.json -p {planner} --budget 60s --plan-out {view}.json");
+        yard.line(&plan);
+        let line = format!("simulate --task hall.task.json {view}.json --until-done --format json");
+        let planned = yard.line(&line).expect(SUCCESS).json();
+        let planned_s = planned["judged"]["costs"]["makespan_s"].as_f64().unwrap();
+        for tier in ["kinematic", "contact"] {
+            let by_order = format!("{line} --policy adg --tier {tier}");
+            let executed = yard.line(&by_order).expect(SUCCESS).json();
+            assert_eq!(executed["arrived"], 3, "{view}, {tier}: {executed}");
+            if tier == "kinematic" {
+                assert_eq!(executed["contacts"], 0, "{view}: {executed}");
+                let took_s = executed["makespan_s"].as_f64().unwrap();
+                assert!(
+                    took_s < 1.3 * planned_s + 1.0,
+                    "{view}: {took_s} s of {planned_s} s"
+                );
+            }
+            let late =
+                format!("{by_order} --delay bernoulli:0.3,2s --messages 0s,0.5s,0.2 --seed 4");
+            let late = yard.line(&late).expect(SUCCESS).json();
+            assert_eq!(late["arrived"], 3, "{view}, {tier}: {late}");
+            if tier == "kinematic" {
+                assert_eq!(late["contacts"], 0, "{view}: {late}");
+            }
+        }
+    }
+    // Robots with tolerances need room, which the error tells.
+    yard.write(
+        "slow.task.json",
+        String::from_utf8(yard.read("hall.task.json"))
+            .unwrap()
+            .replace(
+                r#"{"single-integrator": {"speed_m_per_s": 1}}"#,
+                r#""double-integrator""#,
+            ),
+    );
+    let cells = json!({"format": "fleetyard.plan/1", "rows": 8, "cols": 8, "paths": [
+        [[6, 1], [6, 2], [6, 3]], [[6, 6]], [[7, 2]]]});
+    yard.write("near.json", cells.to_string());
+    let line = "simulate --task slow.task.json near.json --policy adg";
+    let refused = yard.line(line).expect(INPUT);
+    assert!(
+        refused.stderr.contains(
+            "with too little room for any order: their controllers need 11 mm between footprints"
+        ),
+        "{refused}"
+    );
+    assert!(
+        refused
+            .stderr
+            .contains("hint: plan with that much more room"),
+        "{refused}"
+    );
+    let tight = yard.line(&format!("{line} --tight --format json"));
+    assert_eq!(tight.expect(SUCCESS).json()["arrived"], 3);
+}
+
+/// On a roadmap quadrupeds keep the headings that the task has at their starts.
+#[test]
+fn quadrupeds_pass_each_other_as_the_rectangles_that_they_are() {
+    let lanes = |first: f64, second: f64| {
+        let yard = side_by_side();
+        let task = json!({"format": "fleetyard.task/1", "world": "hall.world.json",
+            "robots": {"dog": "go2"},
+            "agents": [{"start": [0.5, 0.5, first], "goal": [3.5, 0.5]},
+                       {"start": [3.5, 1.0, second], "goal": [0.5, 1.0]}]});
+        yard.write("hall.task.json", task.to_string());
+        drive(&yard, [3.0, 3.0]);
+        yard
+    };
+    let yard = lanes(0.0, std::f64::consts::PI);
+    for conduct in [
+        "",
+        "--policy adg",
+        "--tier contact",
+        "--tier contact --policy adg",
+    ] {
+        let line = format!("simulate {ROADMAP} --until-done {conduct} --format json");
+        let executed = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(executed["arrived"], 2, "{conduct}: {executed}");
+        assert_eq!(executed["contacts"], 0, "{conduct}: {executed}");
+    }
+    let knots = json!({"format": "fleetyard.trajectories/1", "paths": [
+        [[0, 0.5, 0.5, 0], [3, 3.5, 0.5, 0]],
+        [[0, 3.5, 1.0, std::f64::consts::PI], [3, 0.5, 1.0, std::f64::consts::PI]]]});
+    yard.write("knots.json", knots.to_string());
+    let line = "simulate --task hall.task.json knots.json --policy adg --format json";
+    assert_eq!(yard.line(line).expect(SUCCESS).json()["contacts"], 0);
+    let across = lanes(1.57, 1.57).line(&format!("simulate {ROADMAP} --policy adg"));
+    let across = across.expect(INPUT).stderr;
+    assert!(across.contains("agents 0 and 1 collide at 1."), "{across}");
+    assert!(
+        across.contains("of the plan, near (2.000, 0.750) m"),
+        "{across}"
+    );
+}
+
 #[test]
 fn a_table_compares_the_views_of_a_task() {
     let yard = Yard::new();

@@ -45,6 +45,10 @@ words!(Policy {
 /// second per step, and the substeps of the GRACE benchmark.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[allow(
+    clippy::struct_excessive_bools,
+    reason = "switches that have nothing to do with each other"
+)]
 pub struct SimConfig {
     /// Side of a grid cell in metres.
     pub cell_size_m: f64,
@@ -89,6 +93,10 @@ pub struct SimConfig {
     /// Distance in metres between the ways of agents, beyond what their controllers need,
     /// under [`Policy::Adg`].
     pub margin_m: f64,
+    /// Execute under [`Policy::Adg`] also where a plan leaves agents less room than their
+    /// controllers need: they keep the plan's order and its distance, and may touch by as much as
+    /// they are off their ways.
+    pub tight: bool,
     /// Delays, noise and losses.
     pub disturbance: Disturbance,
     /// Continue until all agents have arrived instead of stopping at the plan's makespan.
@@ -123,6 +131,7 @@ impl Default for SimConfig {
             policy: Policy::Time,
             message_period_s: 0.1,
             margin_m: 0.0,
+            tight: false,
             disturbance: Disturbance::default(),
             until_done: false,
             time_limit_s: None,
@@ -192,6 +201,7 @@ impl SimConfig {
             policy,
             message_period_s,
             margin_m,
+            tight,
             disturbance,
             until_done,
             time_limit_s,
@@ -224,6 +234,10 @@ impl SimConfig {
         hasher.bytes(tier.name().as_bytes());
         hasher.bytes(policy.name().as_bytes());
         hasher.value(disturbance);
+        // Executions that never had the choice keep their digests.
+        if *tight {
+            hasher.bytes(b"tight");
+        }
         hasher.finish()
     }
 

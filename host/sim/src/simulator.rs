@@ -276,10 +276,10 @@ impl<'a> Simulator<'a> {
         } else {
             let (shapes, models) = (&engine.shapes, &engine.setup.models);
             let swept = swept_shapes(shapes, models, crowd.headings);
-            let most = |off_m: fn(&Swept) -> f64| 2.0 * swept.iter().map(off_m).fold(0.0, f64::max);
+            let needed_m = 2.0 * swept.iter().map(|swept| swept.off_m).fold(0.0, f64::max);
             let options = GateOptions {
-                margin_m: config.margin_m + most(|swept| swept.off_m),
-                least_margin_m: most(|swept| if swept.is_exact { 0.0 } else { swept.off_m }),
+                margin_m: config.margin_m + needed_m,
+                least_margin_m: if config.tight { 0.0 } else { needed_m },
                 cell_size_m: matches!(plan, Plan::Grid(_)).then_some(config.cell_size_m),
                 ..GateOptions::default()
             };
@@ -432,10 +432,9 @@ struct Swept {
     /// The disc around its footprint, if its heading is unknown: wheels head where their
     /// controllers drive.
     disc: Option<Shape>,
-    /// Largest deviation of a point of it from its planned sweep, in metres.
+    /// Largest deviation of a point of it from its planned sweep, in metres; 0 where it is
+    /// rounding alone.
     off_m: f64,
-    /// Set if the deviation is rounding alone.
-    is_exact: bool,
 }
 
 /// For every kind of robots, the accuracy of the routes' poses: the tolerances of the model,
@@ -448,24 +447,19 @@ fn swept_shapes(shapes: &Shapes, models: &[Option<&Model>], headings: bool) -> V
                 return Swept {
                     disc: None,
                     off_m: 0.0,
-                    is_exact: true,
                 };
             };
-            let place_m = model.arrival_tolerance_m().max(model.lateral_tolerance_m());
-            let turned_m = shape.effective_radius_m() * model.heading_tolerance_rad();
-            let (disc, off_m) = if shape.is_disc() || is_pebble(model) {
-                (None, place_m)
-            } else if model.keeps_headings() {
-                // A heading that nothing asks for does not change at all.
-                (None, place_m + if headings { turned_m } else { 0.0 })
-            } else {
-                (Some(shape.enclosing_disc()), place_m)
-            };
-            Swept {
-                disc,
-                off_m,
-                is_exact: model.is_exact(),
+            let drives_as_it_heads = !is_pebble(model) && !model.keeps_headings();
+            let disc = (drives_as_it_heads && !shape.is_disc()).then(|| shape.enclosing_disc());
+            if model.is_exact() {
+                return Swept { disc, off_m: 0.0 };
             }
+            let mut off_m = model.arrival_tolerance_m().max(model.lateral_tolerance_m());
+            // A heading that nothing asks for does not change at all.
+            if headings && disc.is_none() && !shape.is_disc() {
+                off_m += shape.effective_radius_m() * model.heading_tolerance_rad();
+            }
+            Swept { disc, off_m }
         })
         .collect()
 }

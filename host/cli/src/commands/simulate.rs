@@ -127,6 +127,9 @@ struct ConductArgs {
     /// Metres that robots keep from each other's ways beyond what their controllers need
     #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().margin_m)]
     margin: f64,
+    /// Keep the plan's order also where it leaves less room than controllers need: robots may touch
+    #[arg(long, help_heading = EXECUTION)]
+    tight: bool,
     /// Seed of all delays, noise and losses
     #[arg(long, help_heading = EXECUTION, value_name = "N", default_value_t = SimConfig::default().disturbance.seed)]
     seed: u64,
@@ -364,6 +367,7 @@ fn config(arguments: &Simulate) -> SimConfig {
         policy: conduct.policy,
         message_period_s: conduct.message_period,
         margin_m: conduct.margin,
+        tight: conduct.tight,
         until_done: conduct.until_done,
         time_limit_s: conduct.time_limit,
         start_heading_rad: conduct.start_heading.to_radians(),

@@ -53,7 +53,8 @@ fn place([x, y]: &[f64; 2]) -> String {
 
 fn room(room_m: f64) -> String {
     if room_m > 0.0 {
-        let millimetres = (room_m * 1e3).ceil();
+        // Rounding is no reason for another one.
+        let millimetres = (room_m * 1e3 * (1.0 - 1e-9)).ceil();
         format!(": their controllers need {millimetres} mm between footprints")
     } else {
         String::new()
@@ -91,9 +92,13 @@ impl GateError {
                 "validate the plan first; execute it by time to see what happens, \
                  or make the footprints smaller if only they are too large for it",
             ),
+            Self::NoOrder { room_m, .. } if *room_m > 0.0 => Some(
+                "plan with that much more room: for wider footprints, or on wider cells; a tight \
+                 execution (--tight) does without, and robots may touch",
+            ),
             Self::NoOrder { .. } => Some(
-                "execute the plan by time, or plan with more room: for wider footprints than the \
-                 robots', on wider cells, or with a gap between agents that follow each other round",
+                "execute the plan by time, or use a planner that leaves a gap between agents that \
+                 follow each other round",
             ),
         }
     }

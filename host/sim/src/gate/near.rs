@@ -45,11 +45,7 @@ pub(super) fn cut_long<R: Routes + ?Sized>(
                 return Err(GateError::TooManyActions { most: MOST_MOTIONS });
             }
             if pieces > 1.0 {
-                splits.push(Split {
-                    agent: agent as u32,
-                    action: action as u32,
-                    pieces: pieces as u32,
-                });
+                splits.push(Split::whole(agent as u32, action as u32, pieces as u32));
             }
             from = to;
         }

@@ -4,7 +4,9 @@
 //! Four agents that rotate in a square form a ring, and planners such as PIBT and LaCAM
 //! permit that. Whole actions have no order then; parts of them have one, as long as the
 //! plan keeps the bodies apart: the agents advance a little in turn. So the actions of a
-//! ring are cut into the fewest pieces that have an order.
+//! ring are cut into the fewest pieces that have an order. All are cut at the same moments:
+//! of two pieces one ends before the other begins, or both take the same time, and an agent
+//! that follows another one at its heels is never ahead of the plan.
 
 use rayon::prelude::*;
 
@@ -14,8 +16,11 @@ use super::graph::{DependencyGraph, Edge, GateOptions, Wait};
 use super::meet::{Bodies, Bounds, Order, Sweep, Timed, middle, order, overlap, pair};
 use super::routes::{Routes, Split};
 
-/// Largest number of pieces per action of a ring.
+/// Largest number of pieces between two moments of a ring at which an agent is at a knot.
 const MOST_PIECES: u32 = 256;
+
+/// Largest number of pieces of a ring.
+const MOST_OF_RING: u64 = 1 << 22;
 
 /// Actions `first..=last` of an agent.
 #[derive(Debug, Clone, Copy)]
@@ -29,10 +34,10 @@ struct Part {
 /// between two of them in a cycle, all are.
 type Ring = Vec<Part>;
 
-/// A ring in order: the number of pieces, and the edges between pieces, which are
-/// counted from 0 along each agent's part.
+/// A ring in order: the cuts, and the edges between pieces, which are counted from 0 along
+/// each agent's part.
 struct Solved {
-    pieces: u32,
+    splits: Vec<Split>,
     margin_m: f64,
     edges: Vec<Link>,
 }
@@ -64,7 +69,7 @@ pub(super) fn resolve<R: Routes + ?Sized>(
         .map(|ring| solve(ring, &refined, bodies, options))
         .collect();
     let solved: Vec<Solved> = solved.into_iter().collect::<Result<_, _>>()?;
-    let ordered = replace(&graph, &refined, &rings, &solved)?;
+    let ordered = replace(&graph, &rings, &solved)?;
     // Every ring now has an order, and there never was a cycle between rings; freedom
     // from deadlock is checked all the same.
     if Frontier::new(&ordered).run(&ordered) {
@@ -187,17 +192,44 @@ fn ring(members: &[u32], owner: &[u32], action: impl Fn(u32, u32) -> u32) -> Rin
     ring
 }
 
+/// The moments at which an agent of a ring is at a knot of its part, in order.
+fn moments<R: Routes + ?Sized>(ring: &Ring, routes: &R) -> Vec<f64> {
+    let parts = ring.iter().flat_map(|part| {
+        let knots = part.first as usize - 1..=part.last as usize;
+        knots.map(|knot| routes.time_s(part.agent as usize, knot))
+    });
+    let mut moments: Vec<f64> = parts.collect();
+    moments.sort_unstable_by(f64::total_cmp);
+    moments.dedup();
+    moments
+}
+
+/// The moments strictly between two times.
+fn within(moments: &[f64], [start_s, end_s]: [f64; 2]) -> &[f64] {
+    let first = moments.partition_point(|moment| *moment <= start_s);
+    let last = moments.partition_point(|moment| *moment < end_s);
+    &moments[first..last.max(first)]
+}
+
 /// An agent's part of a ring in pieces.
 struct Pieces {
     motions: Vec<Timed>,
     /// For every piece, the end of the pieces of the same action.
     ends: Vec<usize>,
+    splits: Vec<Split>,
     bounds: Bounds,
 }
 
 impl Pieces {
-    fn new<R: Routes + ?Sized>(part: Part, routes: &R, bodies: &Bodies<'_>, pieces: u32) -> Self {
-        let (mut motions, mut ends) = (Vec::new(), Vec::new());
+    /// Cuts the moving actions at the moments, and between two of them into `pieces`.
+    fn new<R: Routes + ?Sized>(
+        part: Part,
+        moments: &[f64],
+        routes: &R,
+        bodies: &Bodies<'_>,
+        pieces: u32,
+    ) -> Self {
+        let (mut motions, mut ends, mut splits) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounds = [
             f64::INFINITY,
             f64::INFINITY,
@@ -219,38 +251,58 @@ impl Pieces {
                 bounds[2].max(right),
                 bounds[3].max(top),
             ];
-            let times = (
-                routes.time_s(agent, action - 1),
-                routes.time_s(agent, action),
-            );
-            let pieces = if whole.is_rest() { 1 } else { pieces };
-            let end = motions.len() + pieces as usize;
-            let mut before = (from, times.0);
-            for piece in 1..=pieces {
-                let share = f64::from(piece) / f64::from(pieces);
-                let time_s = times.0 + (times.1 - times.0) * share;
-                let after = if piece == pieces {
-                    (to, times.1)
+            let times = [action - 1, action].map(|knot| routes.time_s(agent, knot));
+            let (moments, pieces) = if whole.is_rest() {
+                (&[][..], 1)
+            } else {
+                (within(moments, times), pieces)
+            };
+            let mut before = (from, times[0]);
+            let mut begin = (0.0, times[0]);
+            for moment in moments.iter().copied().chain([times[1]]) {
+                let end = if moment < times[1] {
+                    ((moment - times[0]) / (times[1] - times[0]), moment)
                 } else {
-                    (from.toward(to, share), time_s)
+                    (1.0, times[1])
                 };
-                let sweep = Sweep {
+                for piece in 1..=pieces {
+                    let share = f64::from(piece) / f64::from(pieces);
+                    let after = if piece < pieces {
+                        let fraction = begin.0 + (end.0 - begin.0) * share;
+                        let time_s = begin.1 + (end.1 - begin.1) * share;
+                        (from.toward(to, fraction), time_s)
+                    } else if end.0 < 1.0 {
+                        (from.toward(to, end.0), end.1)
+                    } else {
+                        (to, end.1)
+                    };
+                    let sweep = Sweep {
+                        agent: part.agent,
+                        from: before.0,
+                        to: after.0,
+                    };
+                    motions.push(Timed {
+                        sweep,
+                        start_s: before.1,
+                        end_s: after.1,
+                    });
+                    before = after;
+                }
+                splits.push(Split {
                     agent: part.agent,
-                    from: before.0,
-                    to: after.0,
-                };
-                motions.push(Timed {
-                    sweep,
-                    start_s: before.1,
-                    end_s: after.1,
+                    action: action as u32,
+                    pieces,
+                    from: begin.0,
+                    to: end.0,
                 });
-                ends.push(end);
-                before = after;
+                begin = end;
             }
+            ends.resize(motions.len(), motions.len());
         }
         Self {
             motions,
             ends,
+            splits,
             bounds,
         }
     }
@@ -296,11 +348,7 @@ impl Pieces {
 enum Stuck {
     /// Two agents are nearer than the margin at the same time, however small the
     /// pieces are.
-    TooClose {
-        agents: [u32; 2],
-        time_s: f64,
-        at_m: [f64; 2],
-    },
+    TooClose(GateError),
     /// Smaller pieces may have an order.
     Coarse,
 }
@@ -320,34 +368,46 @@ fn solve<R: Routes + ?Sized>(
     } else {
         &margins[..1]
     };
+    let moments = moments(ring, routes);
+    let stretches: u64 = ring
+        .iter()
+        .map(|part| {
+            let knots = [part.first as usize - 1, part.last as usize];
+            let ends = knots.map(|knot| routes.time_s(part.agent as usize, knot));
+            within(&moments, ends).len() as u64 + 1
+        })
+        .sum();
+    let most = MOST_PIECES.min((MOST_OF_RING / stretches) as u32);
+    let in_pieces = |pieces: u32| -> Vec<Pieces> {
+        let parts = ring.iter();
+        let parts = parts.map(|part| Pieces::new(*part, &moments, routes, bodies, pieces));
+        parts.collect()
+    };
     for margin_m in margins {
         let mut pieces = 1;
-        while pieces <= MOST_PIECES {
-            match cut(ring, routes, bodies, *margin_m, pieces) {
+        while pieces <= most {
+            let all = in_pieces(pieces);
+            pieces *= 2;
+            match cut(&all, bodies, *margin_m) {
                 Ok(edges) => {
                     return Ok(Solved {
-                        pieces,
+                        splits: all.into_iter().flat_map(|part| part.splits).collect(),
                         margin_m: *margin_m,
                         edges,
                     });
                 }
-                Err(Stuck::Coarse) => pieces *= 2,
-                Err(Stuck::TooClose {
-                    agents,
-                    time_s,
-                    at_m,
-                }) if *margin_m <= 0.0 => {
-                    return Err(GateError::Collision {
-                        agents,
-                        time_s,
-                        at_m,
-                    });
-                }
-                Err(Stuck::TooClose { .. }) => break,
+                Err(Stuck::Coarse) => {}
+                Err(Stuck::TooClose(_)) if *margin_m > 0.0 => break,
+                Err(Stuck::TooClose(collision)) => return Err(collision),
             }
         }
     }
-    Err(unordered(ring, routes, least_m))
+    // Bodies that overlap need no talk of room.
+    let overlap = in_pieces(1);
+    match cut(&overlap, bodies, 0.0) {
+        Err(Stuck::TooClose(collision)) if least_m > 0.0 => Err(collision),
+        _ => Err(unordered(ring, routes, least_m)),
+    }
 }
 
 fn unordered<R: Routes + ?Sized>(ring: &Ring, routes: &R, room_m: f64) -> GateError {
@@ -370,17 +430,7 @@ fn unordered<R: Routes + ?Sized>(ring: &Ring, routes: &R, room_m: f64) -> GateEr
 }
 
 /// The edges between the pieces of a ring.
-fn cut<R: Routes + ?Sized>(
-    ring: &Ring,
-    routes: &R,
-    bodies: &Bodies<'_>,
-    margin_m: f64,
-    pieces: u32,
-) -> Result<Vec<Link>, Stuck> {
-    let all: Vec<Pieces> = ring
-        .iter()
-        .map(|part| Pieces::new(*part, routes, bodies, pieces))
-        .collect();
+fn cut(all: &[Pieces], bodies: &Bodies<'_>, margin_m: f64) -> Result<Vec<Link>, Stuck> {
     let mut edges = Vec::new();
     for (to, waiting) in all.iter().enumerate() {
         for (from, other) in all.iter().enumerate() {
@@ -411,11 +461,11 @@ fn cut<R: Routes + ?Sized>(
                         Order::Neither => {
                             let found = others[at].collides(motion, bodies, margin_m);
                             return Err(match found {
-                                Some(time_s) => Stuck::TooClose {
+                                Some(time_s) => Stuck::TooClose(GateError::Collision {
                                     agents: pair(&others[at], motion),
                                     time_s,
                                     at_m: middle(&others[at], motion, time_s),
-                                },
+                                }),
                                 None => Stuck::Coarse,
                             });
                         }
@@ -465,9 +515,8 @@ fn cut<R: Routes + ?Sized>(
 /// dependencies of earlier actions of the one agent and of later actions of the other
 /// one: actions before or after the ring keep their order. All of that followed from the
 /// old edges, so no new cycle can go through more than one ring.
-fn replace<R: Routes + ?Sized>(
+fn replace(
     graph: &DependencyGraph,
-    routes: &R,
     rings: &[Ring],
     solved: &[Solved],
 ) -> Result<DependencyGraph, GateError> {
@@ -477,22 +526,14 @@ fn replace<R: Routes + ?Sized>(
     let mut splits = Vec::new();
     for (number, (ring, solved)) in rings.iter().zip(solved).enumerate() {
         for (place, part) in ring.iter().enumerate() {
-            let agent = part.agent as usize;
             for action in part.first..=part.last {
                 members.push((part.agent, action, number as u32, place as u32));
-                let at = action as usize;
-                if routes.pose(agent, at - 1) != routes.pose(agent, at) && solved.pieces > 1 {
-                    splits.push(Split {
-                        agent: part.agent,
-                        action,
-                        pieces: solved.pieces,
-                    });
-                }
             }
         }
+        splits.extend_from_slice(&solved.splits);
     }
     members.sort_unstable();
-    splits.sort_unstable();
+    splits.sort_by_key(|split| (split.agent, split.action));
     let membership = |agent: u32, action: u32| {
         let at = members.binary_search_by_key(&(agent, action), |member| (member.0, member.1));
         at.ok().map(|at| (members[at].2, members[at].3))
@@ -504,7 +545,7 @@ fn replace<R: Routes + ?Sized>(
         if total.0 != split.agent {
             total = (split.agent, 0);
         }
-        total.1 += u64::from(split.pieces - 1);
+        total.1 += u64::from(split.added());
         added.push(total.1);
     }
     // Numbers of the last and of the first piece of an action.

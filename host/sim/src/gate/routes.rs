@@ -103,12 +103,34 @@ pub(super) struct Cuts {
     cuts: Vec<Cut>,
 }
 
-/// An action of a refined route that is to be cut.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+/// A part of an action of a refined route that is to be cut into pieces of equal duration. The
+/// parts of an action follow each other from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Split {
     pub(super) agent: u32,
     pub(super) action: u32,
     pub(super) pieces: u32,
+    /// The part as fractions of the action.
+    pub(super) from: f64,
+    pub(super) to: f64,
+}
+
+impl Split {
+    /// Cuts a whole action.
+    pub(super) fn whole(agent: u32, action: u32, pieces: u32) -> Self {
+        Self {
+            agent,
+            action,
+            pieces,
+            from: 0.0,
+            to: 1.0,
+        }
+    }
+
+    /// Number of actions that it adds: pieces, of which the last of an action is no new one.
+    pub(super) fn added(&self) -> u32 {
+        self.pieces - u32::from(self.to >= 1.0)
+    }
 }
 
 impl Cuts {
@@ -150,14 +172,17 @@ impl Cuts {
         (cut.action as usize + (knot - last), 1.0)
     }
 
-    /// Cuts actions of the refined routes, given in order of agents and actions.
+    /// Cuts actions of the refined routes, given in order of agents, actions and parts.
     pub(super) fn refine(&self, agents: usize, splits: &[Split]) -> Self {
         let mut refined = Self {
             offsets: Vec::with_capacity(agents + 1),
             cuts: Vec::with_capacity(self.cuts.len() + splits.len()),
         };
         refined.offsets.push(0);
-        let mut splits = splits.iter().filter(|split| split.pieces > 1).peekable();
+        let mut splits = splits
+            .iter()
+            .filter(|split| split.pieces > 1 || split.from > 0.0 || split.to < 1.0)
+            .peekable();
         for agent in 0..agents {
             let mut old = self.of(agent).iter().copied().peekable();
             let mut added = 0;
@@ -178,10 +203,10 @@ impl Cuts {
                         first: split.action + added,
                         pieces: split.pieces,
                         action: action as u32,
-                        from: 0.0,
-                        to: 1.0,
+                        from: split.from,
+                        to: split.to,
                     });
-                    added += split.pieces - 1;
+                    added += split.added();
                     continue;
                 }
                 let Some(cut) = old.next() else { break };
@@ -198,23 +223,30 @@ impl Cuts {
                 while let Some(split) =
                     splits.next_if(|split| split.agent as usize == agent && split.action < end)
                 {
-                    let whole = Cut {
-                        first: at + added,
-                        pieces: split.action - at,
-                        from: fraction(at),
-                        to: fraction(split.action),
-                        ..cut
+                    if split.from <= 0.0 {
+                        let whole = Cut {
+                            first: at + added,
+                            pieces: split.action - at,
+                            from: fraction(at),
+                            to: fraction(split.action),
+                            ..cut
+                        };
+                        push(&mut refined.cuts, whole);
+                    }
+                    let (from, to) = (fraction(split.action), fraction(split.action + 1));
+                    let within = |share: f64| match share {
+                        share if share >= 1.0 => to,
+                        share => from + (to - from) * share,
                     };
-                    push(&mut refined.cuts, whole);
                     let pieces = Cut {
                         first: split.action + added,
                         pieces: split.pieces,
-                        from: fraction(split.action),
-                        to: fraction(split.action + 1),
+                        from: within(split.from),
+                        to: within(split.to),
                         ..cut
                     };
                     push(&mut refined.cuts, pieces);
-                    added += split.pieces - 1;
+                    added += split.added();
                     at = split.action + 1;
                 }
                 let rest = Cut {
@@ -300,11 +332,7 @@ mod tests {
     }
 
     fn split(agent: u32, action: u32, pieces: u32) -> Split {
-        Split {
-            agent,
-            action,
-            pieces,
-        }
+        Split::whole(agent, action, pieces)
     }
 
     fn places(cuts: &Cuts) -> Vec<f64> {
@@ -344,5 +372,34 @@ mod tests {
             ]
         );
         assert_eq!(places(&most.refine(2, &[])), places(&most));
+    }
+
+    #[test]
+    fn parts_of_actions_are_cut_by_themselves() {
+        let part = |action, pieces, from, to| Split {
+            from,
+            to,
+            ..split(0, action, pieces)
+        };
+        let uneven = [part(2, 1, 0.0, 0.25), part(2, 3, 0.25, 1.0), split(0, 3, 2)];
+        let cuts = Cuts::default().refine(2, &uneven);
+        assert_eq!(
+            places(&cuts),
+            [0.0, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0]
+        );
+        let again = [
+            split(0, 1, 2),
+            part(3, 2, 0.0, 0.5),
+            part(3, 1, 0.5, 1.0),
+            part(6, 1, 0.0, 0.5),
+            part(6, 1, 0.5, 1.0),
+        ];
+        let cuts = cuts.refine(2, &again);
+        assert_eq!(
+            places(&cuts),
+            [
+                0.0, 0.5, 1.0, 1.25, 1.3125, 1.375, 1.5, 1.75, 2.0, 2.25, 2.5, 3.0, 4.0
+            ]
+        );
     }
 }

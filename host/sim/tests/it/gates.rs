@@ -541,7 +541,7 @@ impl Ways for Roads {
 
     fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot {
         let here = [last.x_m, last.y_m];
-        let joined = |to: &[f64; 2]| apart(here, *to) <= self.reach_m && *to != here;
+        let joined = |to: &[f64; 2]| (1e-9..=self.reach_m).contains(&apart(here, *to));
         let ends: Vec<[f64; 2]> = self.at_m.iter().copied().filter(joined).collect();
         let [x_m, y_m] = match ends.len() {
             0 => here,

@@ -10,7 +10,7 @@ use crate::common::below;
 use fleetyard_core::{Knot, TrajectoryPlan};
 use fleetyard_sim::motion::{Holonomic, Model, PRESETS};
 use fleetyard_sim::trace::States;
-use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, TraceSink};
+use fleetyard_sim::{Fleet, NoTrace, Policy, Profile, SimConfig, Simulator, Tier, TraceSink};
 use fleetyard_world::Footprint;
 use rand_chacha::ChaCha8Rng;
 
@@ -196,40 +196,179 @@ fn robots_stay_within_what_the_plan_sweeps() {
     }
 }
 
-/// Side by side, each in its lane, the two are never nearer than 0.19 m; the discs around
-/// them overlap.
-#[test]
-fn two_quadrupeds_pass_half_a_metre_apart() {
+/// Two ways side by side, in opposite directions and half a metre apart, with headings or without.
+fn lanes(headings: bool) -> TrajectoryPlan {
     let mut plan = TrajectoryPlan::default();
     let knot = |time_s: f64, x_m: f64, y_m: f64, heading: f64| Knot {
         time_s,
         x_m,
         y_m,
-        heading_rad: Some(heading),
+        heading_rad: headings.then_some(heading),
     };
     plan.push_path([knot(0.0, 0.0, 0.0, 0.0), knot(5.0, 5.0, 0.0, 0.0)])
         .unwrap();
     plan.push_path([knot(0.0, 5.0, 0.5, PI), knot(5.0, 0.0, 0.5, PI)])
         .unwrap();
+    plan
+}
+
+/// Side by side, each in its lane, the two are never nearer than 0.19 m; the discs around
+/// them overlap.
+#[test]
+fn two_quadrupeds_pass_half_a_metre_apart() {
     let config = SimConfig {
         policy: Policy::Adg,
         ..SimConfig::default()
     };
     let dogs = Fleet::uniform(Profile::preset("go2").unwrap(), 2).unwrap();
-    let outcome = Simulator::new(&config)
+    let ahead = [Some(0.0), Some(PI)];
+    // A plan on a roadmap says nothing about headings: they keep those of their starts.
+    for (plan, headings) in [(lanes(true), &[][..]), (lanes(false), &ahead)] {
+        let outcome = Simulator::new(&config)
+            .with_fleet(&dogs)
+            .facing(headings)
+            .run(&plan, &mut NoTrace)
+            .unwrap();
+        assert_eq!(outcome.contacts.total(), 0);
+        // Nobody waits for the other: 5 m take 3 s at 2.5 m/s and 2.5 m/s², backwards 5 s.
+        assert!(
+            outcome.makespan_s.is_some_and(|makespan| makespan < 3.5),
+            "{outcome:?}"
+        );
+    }
+    // Across their lanes they do not get past each other.
+    let across = [Some(FRAC_PI_2), Some(FRAC_PI_2)];
+    let refused = Simulator::new(&config)
         .with_fleet(&dogs)
-        .run(&plan, &mut NoTrace)
-        .unwrap();
-    assert_eq!(outcome.contacts.total(), 0);
-    // Nobody waits for the other: 5 m take 3 s at 2.5 m/s and 2.5 m/s².
+        .facing(&across)
+        .run(&lanes(false), &mut NoTrace)
+        .unwrap_err()
+        .to_string();
     assert!(
-        outcome.makespan_s.is_some_and(|makespan| makespan < 3.5),
-        "{outcome:?}"
+        refused.starts_with("agents 0 and 1 collide at 2."),
+        "{refused}"
+    );
+    assert!(
+        refused.ends_with("of the plan, near (2.500, 0.250) m"),
+        "{refused}"
     );
     // Wheels turn to where they drive, whatever headings say: for them discs count.
     let wheels = robots(&"agv".parse().unwrap(), 2);
     let refused = Simulator::new(&config)
         .with_fleet(&wheels)
-        .run(&plan, &mut NoTrace);
+        .run(&lanes(true), &mut NoTrace);
     assert!(refused.is_err());
+}
+
+/// One way through bends, which the second goes behind the first at a distance of its width.
+fn at_the_heels(gap_s: f64, radius_m: f64) -> TrajectoryPlan {
+    let bends = [(0.0, 0.0), (1.3, 0.2), (2.1, 0.9), (3.4, 1.1), (5.0, 0.8)];
+    let mut way = vec![(0.0, bends[0])];
+    for pair in bends.windows(2) {
+        let (dx, dy) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+        let time_s = way.last().unwrap().0 + f64::sqrt(dx * dx + dy * dy);
+        way.push((time_s, pair[1]));
+    }
+    let knot = |time_s: f64, (x_m, y_m): (f64, f64)| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: None,
+    };
+    let end_s = way.last().unwrap().0;
+    let mut plan = TrajectoryPlan::default();
+    let first = way.iter().map(|(time_s, at)| knot(*time_s, *at));
+    let ahead = knot(
+        end_s + 2.0 * radius_m + gap_s,
+        (5.0 + 2.0 * radius_m + gap_s, 0.8),
+    );
+    plan.push_path(first.chain([ahead])).unwrap();
+    // Its knots are between those of the first.
+    let late_s = 2.0 * radius_m + gap_s;
+    let second = way.iter().map(|(time_s, at)| knot(late_s + *time_s, *at));
+    plan.push_path([knot(0.0, (-late_s, 0.0))].into_iter().chain(second))
+        .unwrap();
+    plan
+}
+
+#[test]
+fn robots_follow_each_other_at_their_heels() {
+    // In bends the chord is shorter than the way.
+    let plan = at_the_heels(0.05, 0.25);
+    for (model, tight) in [("single-integrator", false), ("agv", true)] {
+        let profile = Profile {
+            footprint: Footprint::Disc { radius_m: 0.25 },
+            model: model.parse().unwrap(),
+        };
+        let fleet = Fleet::uniform(profile, 2).unwrap();
+        let config = SimConfig {
+            policy: Policy::Adg,
+            tight,
+            ..SimConfig::default()
+        };
+        let outcome = Simulator::new(&config)
+            .with_fleet(&fleet)
+            .run(&plan, &mut NoTrace)
+            .unwrap_or_else(|error| panic!("{model}: {error}"));
+        assert_eq!(outcome.contacts.total(), 0, "{model}");
+        assert_eq!(outcome.arrived, 2, "{model}");
+    }
+}
+
+/// Discs on lanes of their own width: exactly driven they pass each other, with tolerances they
+/// need room.
+#[test]
+fn discs_that_touch_pass_each_other_if_they_are_exact() {
+    let knot = |time_s: f64, x_m: f64, y_m: f64| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: None,
+    };
+    let mut plan = TrajectoryPlan::default();
+    plan.push_path([knot(0.0, 0.0, 0.0), knot(4.0, 4.0, 0.0)])
+        .unwrap();
+    plan.push_path([knot(0.0, 2.0, 0.5)]).unwrap();
+    // Round the corner behind the first, at 0.35 m from centre to centre in time.
+    plan.push_path([
+        knot(0.0, -0.5, 0.0),
+        knot(0.5, 0.0, 0.0),
+        knot(1.0, 0.0, 0.5),
+    ])
+    .unwrap();
+    let run = |model: &str, tight: bool, tier: Tier| {
+        let profile = Profile {
+            footprint: Footprint::Disc { radius_m: 0.25 },
+            model: model.parse().unwrap(),
+        };
+        let fleet = Fleet::uniform(profile, 3).unwrap();
+        let config = SimConfig {
+            policy: Policy::Adg,
+            tight,
+            tier,
+            ..SimConfig::default()
+        };
+        let simulator = Simulator::new(&config).with_fleet(&fleet);
+        simulator.run(&plan, &mut NoTrace)
+    };
+    for model in ["single-integrator", "pebble"] {
+        let outcome = run(model, false, Tier::Kinematic).unwrap();
+        assert_eq!(outcome.contacts.total(), 0, "{model}");
+        // Planned are 4 s.
+        let makespan_s = outcome.makespan_s.unwrap();
+        assert!((3.99..4.2).contains(&makespan_s), "{model}: {makespan_s} s");
+        let solved = run(model, false, Tier::Contact).unwrap();
+        assert_eq!(solved.arrived, 3, "{model}");
+        let makespan_s = solved.makespan_s.unwrap();
+        assert!(makespan_s < 5.5, "{model}: {makespan_s} s");
+    }
+    for (model, room) in [("double-integrator", "11 mm"), ("agv", "22 mm")] {
+        let error = run(model, false, Tier::Kinematic).unwrap_err();
+        let sentence = error.to_string();
+        assert!(sentence.contains(room), "{sentence}");
+        assert!(sentence.contains(" pass each other at "), "{sentence}");
+        assert!(error.hint().is_some_and(|hint| hint.contains("room")));
+        let outcome = run(model, true, Tier::Kinematic).unwrap();
+        assert_eq!(outcome.arrived, 3, "{model}");
+    }
 }
