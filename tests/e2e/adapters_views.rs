@@ -346,5 +346,8 @@ fn real_programs_on_a_roadmap() {
         let valid = ended.json()["verdict"]["valid"].clone();
         let passed = ended.code == Some(SUCCESS);
         assert_eq!(valid == true, passed, "{ended}");
+        let folder = root().join("plugins/adapters").join(adapter);
+        let check = ["plugins", "check", &folder.display().to_string()];
+        Yard::new().run(&check).expect(SUCCESS);
     }
 }

@@ -220,3 +220,100 @@ impl Problem for InPlane {
         0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_along_the_axes() {
+        let found = Some([[1.0, 2.0], [3.0, 5.0]]);
+        let corners = [[1.0, 2.0], [3.0, 2.0], [3.0, 5.0], [1.0, 5.0]];
+        for first in 0..4 {
+            let mut turned = corners;
+            turned.rotate_left(first);
+            assert_eq!(box_of(&turned), found);
+            turned.reverse();
+            assert_eq!(box_of(&turned), found);
+        }
+        let others: [&[[f64; 2]]; 4] = [
+            &corners[..3],
+            &[[1.0, 2.0], [3.0, 2.000_000_1], [3.0, 5.0], [1.0, 5.0]],
+            // Neither a trapezium nor a line is one.
+            &[[1.0, 2.0], [3.0, 2.0], [2.5, 5.0], [1.0, 5.0]],
+            &[[1.0, 2.0], [3.0, 2.0], [3.0, 2.0], [1.0, 2.0]],
+        ];
+        for corners in others {
+            assert_eq!(box_of(corners), None, "{corners:?}");
+        }
+    }
+
+    fn cart() -> (Robot, RobotType) {
+        let robot = Robot {
+            name: "cart".into(),
+            footprint: Footprint {
+                radius_m: 0.28,
+                corners_m: vec![
+                    [0.25, 0.125],
+                    [-0.25, 0.125],
+                    [-0.25, -0.125],
+                    [0.25, -0.125],
+                ],
+            },
+            dynamics: "fleetyard.unicycle-2/1".into(),
+            has_heading: true,
+            polar_state: false,
+            polar_control: false,
+            state_limits: vec![
+                [None, None],
+                [None, None],
+                [None, None],
+                [Some(-0.5), Some(0.5)],
+                [Some(-0.5), Some(0.5)],
+            ],
+            control_limits: vec![[Some(-0.25), Some(0.25)]; 2],
+            parameters: Vec::new(),
+        };
+        let known = RobotType {
+            name: "unicycle_second_order_0".into(),
+            dynamics: robot.dynamics.clone(),
+            rectangle_m: Some([Size(0.5), Size(0.25)]),
+            disc_m: None,
+            rates: vec![Limits([-0.5, 0.5]); 2],
+            controls: vec![Limits([-0.25, 0.25]); 2],
+        };
+        (robot, known)
+    }
+
+    #[test]
+    fn a_robot_is_of_a_type_if_all_its_numbers_are() {
+        let (robot, known) = cart();
+        assert!(is_of(&robot, &known));
+        let changes: [fn(&mut Robot); 8] = [
+            |robot| robot.dynamics.push('1'),
+            |robot| robot.has_heading = false,
+            |robot| robot.polar_control = true,
+            |robot| robot.state_limits[3][1] = Some(0.6),
+            |robot| robot.state_limits[0][0] = Some(0.0),
+            |robot| robot.state_limits.truncate(1),
+            |robot| robot.control_limits[1][0] = None,
+            |robot| robot.footprint.corners_m[2][0] = -0.3,
+        ];
+        for (number, change) in changes.into_iter().enumerate() {
+            let mut robot = cart().0;
+            change(&mut robot);
+            assert!(!is_of(&robot, &known), "change {number}");
+        }
+        let disc = RobotType {
+            rectangle_m: None,
+            disc_m: Some(Size(0.28)),
+            ..known
+        };
+        assert!(!is_of(&robot, &disc));
+        let round = Robot {
+            footprint: Footprint::disc(0.28),
+            ..robot
+        };
+        assert!(is_of(&round, &disc));
+    }
+}

@@ -211,3 +211,22 @@ impl Problem for OnRoadmap {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_that_take_another_time_are_found() {
+        let edges = [vec![1], vec![0, 2], vec![]].into_iter().collect();
+        let straight =
+            RoadmapEnvironment::straight(vec![0.0, 3.0, 3.0], vec![0.0, 0.0, 4.0], edges, 0.7, 0.5);
+        assert_eq!(uneven(&straight), None);
+        let mut slow = straight.clone();
+        slow.duration_s[2] *= 1.001;
+        assert_eq!(uneven(&slow), Some(2));
+        let mut bent = straight;
+        bent.length_m[1] = f64::NAN;
+        assert_eq!(uneven(&bent), Some(1));
+    }
+}
