@@ -294,7 +294,7 @@ def table_of_planners(page, trials, planners):
     page.table(["view", "planner", "solved", "SoC, %", "makespan, %", "median ms", "longest ms"], rows, texts=2)
     told = [f"`{planner['planner']}` with `{planner['options']}`" for planner in planners if planner["options"] and not planner["left_out"]]
     if told:
-        page.text(f"Planners that improve plans until the budget ends are asked for the first one: {', '.join(told)}. ")
+        page.text(f"Planners that improve plans until the budget ends are asked for the first one: {', '.join(told)}.")
     out = defaultdict(list)
     for planner in planners:
         if planner["left_out"]:
