@@ -338,7 +338,7 @@ def losses(trials):
     slower = []
     for view, (planner, line) in trials.chosen.items():
         found = ratios(line, cells, time_ms, trials.all_solved())
-        if view != "continuous" and found and (times := math.exp(mean(list(found.values())))) > 1:
+        if view != "continuous" and found and (times := math.exp(mean(list(found.values())))) > 1.05:
             slower.append(f"{digits(times)} times {PLACES[view]}")
     if slower:
         told.append(f"**Planning takes longer on views than in the plane**, against what GRACE found with db-CBS: {', '.join(slower)} "
