@@ -509,6 +509,12 @@ fn plans_of_every_view_are_executed_by_time_and_by_order() {
     assert!(
         refused
             .stderr
+            .contains("near.json: agents 0, 2 pass each other"),
+        "{refused}"
+    );
+    assert!(
+        refused
+            .stderr
             .contains("hint: plan with that much more room"),
         "{refused}"
     );

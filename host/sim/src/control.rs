@@ -119,6 +119,14 @@ fn between(from: Place, to: Place, share: f64) -> Place {
 /// Arrival tolerance, in metres, of bodies without a controller that can be pushed.
 const CLOSE_M: f64 = 0.01;
 
+/// Arrival tolerance, in metres and radians, of bodies that are exact by themselves but can be
+/// pushed: what their drives leave.
+const EXACT: f64 = 0.001;
+
+/// Deceleration in m/s² and rad/s² that bodies without limits plan with where contacts are
+/// solved: less than their drives have, whose work within a tick is not instant.
+const BRAKING: f64 = 0.5 * UNLIMITED;
+
 /// Places nearer than this to each other, in metres, are equal.
 const SAME_M: f64 = 1e-9;
 
@@ -366,7 +374,7 @@ impl Driver<'_> {
             (wish.omega.abs(), turn),
         ] {
             if rate > 0.0 {
-                part = part.min(stopping_speed(gap, UNLIMITED, self.tick_s) / rate);
+                part = part.min(stopping_speed(gap, BRAKING, self.tick_s) / rate);
             }
         }
         wish.vx *= part;
@@ -377,12 +385,21 @@ impl Driver<'_> {
     /// Updates the progress of a body that can be pushed from its actual place.
     pub(crate) fn notice(&self, model: Option<&Model>, agent: usize, pilot: &mut Pilot, now: f64) {
         let target = self.place(agent, pilot.leg.max(pilot.done)).target();
-        let arrived = if let Some(model) = model.filter(|model| !model.is_ideal()) {
-            let last = pilot.leg.max(pilot.done) == self.last(agent);
-            is_there(model, last, &pilot.state, &target)
-        } else {
-            let (dx, dy) = (target.x - pilot.state.x, target.y - pilot.state.y);
-            dx * dx + dy * dy <= CLOSE_M * CLOSE_M
+        let state = &pilot.state;
+        let is_near = |by: f64| {
+            let (dx, dy) = (target.x - state.x, target.y - state.y);
+            dx * dx + dy * dy <= by * by
+        };
+        let arrived = match model.filter(|model| !model.is_ideal()) {
+            Some(model) if model.is_exact() => {
+                let turn = target.heading.map(|heading| heading - state.heading);
+                is_near(EXACT) && turn.is_none_or(|turn| turn.abs() <= EXACT)
+            }
+            Some(model) => {
+                let last = pilot.leg.max(pilot.done) == self.last(agent);
+                is_there(model, last, state, &target)
+            }
+            None => is_near(CLOSE_M),
         };
         if pilot.leg > pilot.done {
             if arrived {

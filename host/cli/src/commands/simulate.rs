@@ -12,7 +12,9 @@ use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
-use fleetyard_sim::{Event, Fleet, Plan, Policy, SimConfig, Simulator, TraceSink, TraceWriter};
+use fleetyard_sim::{
+    Event, Fleet, Plan, Policy, SimConfig, SimError, Simulator, TraceSink, TraceWriter,
+};
 use fleetyard_view::{Picture, World};
 use fleetyard_world::{Bounds, Workspace, load_workspace};
 use indicatif::ProgressBar;
@@ -23,7 +25,7 @@ use crate::args::{
     DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, file_format, picture as picture_file,
     word,
 };
-use crate::exit::{Exit, Result};
+use crate::exit::{Exit, Failure, Result};
 use crate::files::{Unnamed, draw, keep, trace_file};
 use crate::output;
 use crate::setup::{bodies, check_rule, robots, sim_config};
@@ -249,7 +251,8 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     )?;
     let lines = scene.lines.as_ref();
     let executed = lines.map_or(plan_of(&scene.plan), Plan::Trajectories);
-    let execution = execute(&simulator, executed, &mut sinks)?;
+    let execution = execute(&simulator, executed, &mut sinks)
+        .map_err(|error| of_plan(error, &arguments.plan))?;
     sinks.finish()?;
     if let Some(path) = &arguments.picture {
         picture(
@@ -283,6 +286,20 @@ pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     }
     output::error(&format!("the execution had {}", happened.join(" and ")));
     Ok(Exit::InvalidPlan)
+}
+
+/// A refusal of the plan's order names the plan.
+fn of_plan(error: SimError, plan: &Path) -> Failure {
+    match &error {
+        SimError::Gate(reason) => {
+            let refused = InputError::new(plan.display().to_string(), reason.to_string());
+            match reason.hint() {
+                Some(hint) => refused.hint(hint).into(),
+                None => refused.into(),
+            }
+        }
+        _ => error.into(),
+    }
 }
 
 /// An execution as programs read it.
