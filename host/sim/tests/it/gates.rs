@@ -462,7 +462,7 @@ fn grown(footprint: &Footprint, by_m: f64) -> Footprint {
     }
 }
 
-/// Where agents may begin and go.
+/// A space in which agents begin and go.
 trait Ways {
     fn start(&mut self, rng: &mut ChaCha8Rng) -> Knot;
     fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot;
