@@ -283,6 +283,154 @@ fn a_plan_in_the_plane_is_judged_by_the_whole_task() {
     );
 }
 
+/// The digest that a plan file has of its paths.
+fn plan_digest(yard: &Yard, file: &str) -> String {
+    let digest = &read(yard, file)["plan_digest"];
+    digest.as_str().unwrap().to_owned()
+}
+
+#[test]
+fn plans_of_views_become_trajectories_and_come_back() {
+    let yard = side_by_side();
+    let task = "--task hall.task.json --separation strict";
+    yard.line(&format!("run {task} -p cbs --plan-out cells.json"))
+        .expect(SUCCESS);
+    let ended = yard
+        .line(&format!("convert {task} cells.json knots.json"))
+        .expect(SUCCESS);
+    assert_eq!(ended.stdout, "knots.json\n");
+    let knots = read(&yard, "knots.json");
+    assert_eq!(knots["format"], "fleetyard.trajectories/1");
+    // Who made the plan is kept.
+    assert_eq!(knots["planner"], read(&yard, "cells.json")["planner"]);
+    yard.line(&format!(
+        "convert {task} --representation grid knots.json back.json"
+    ))
+    .expect(SUCCESS);
+    assert_eq!(
+        plan_digest(&yard, "back.json"),
+        plan_digest(&yard, "cells.json")
+    );
+    assert_eq!(
+        read(&yard, "back.json")["planner"],
+        read(&yard, "cells.json")["planner"]
+    );
+    yard.line(&format!("validate {task} back.json"))
+        .expect(SUCCESS);
+    // Of other tools' formats, too.
+    yard.line(&format!(
+        "convert {task} knots.json paths.txt --to paths-txt"
+    ))
+    .expect(SUCCESS);
+    yard.line(&format!("convert {task} paths.txt again.json"))
+        .expect(SUCCESS);
+    assert_eq!(
+        plan_digest(&yard, "again.json"),
+        plan_digest(&yard, "knots.json")
+    );
+    // A step of another length is another way.
+    yard.line(&format!("convert {task} --step 2 cells.json slow.json"))
+        .expect(SUCCESS);
+    let slow = yard
+        .line(&format!("convert {task} slow.json no.json --to plan"))
+        .expect(INPUT);
+    assert!(slow.stderr.contains("agent 0 "), "{slow}");
+    drive(&yard, [3.0, 3.0]);
+    let view = "--task hall.task.json --view r.view.json";
+    yard.line(&format!("convert {view} visits.json way.json"))
+        .expect(SUCCESS);
+    let ended = yard
+        .line(&format!("convert {view} way.json stops.json"))
+        .expect(SUCCESS);
+    assert_eq!(ended.stdout, "stops.json\nstops.roadmap.json\n");
+    yard.line(&format!("validate {view} stops.json"))
+        .expect(SUCCESS);
+    yard.line(&format!("convert {view} stops.json twice.json"))
+        .expect(SUCCESS);
+    assert_eq!(
+        plan_digest(&yard, "twice.json"),
+        plan_digest(&yard, "way.json")
+    );
+    task_of_one(&yard);
+    let rows = [
+        (
+            format!("convert {view} knots.json no.json"),
+            INPUT,
+            "which is neither vertex",
+        ),
+        (
+            format!("convert {task} --representation grid way.json no.json"),
+            INPUT,
+            "which is not at the end of a step",
+        ),
+        (
+            format!("convert {task} --step 3 --representation grid way.json no.json"),
+            INPUT,
+            "from the middle of a cell",
+        ),
+        (
+            format!("convert {task} way.json no.json"),
+            USAGE,
+            "--representation grid, --representation roadmap or --view FILE",
+        ),
+        (
+            format!("convert {task} cells.json no.json --to roadmap-plan"),
+            INPUT,
+            "this is a plan on a grid, and roadmap-plan is one on a roadmap",
+        ),
+        (
+            format!("convert {task} cells.json no.txt --to paths-txt"),
+            INPUT,
+            "leave out --task",
+        ),
+        (
+            format!("convert {view} cells.json no.json"),
+            INPUT,
+            "one of the plans is on a grid, and --view asks for one on a roadmap",
+        ),
+        (
+            format!("convert {task} cells.json no.scen --to scen"),
+            USAGE,
+            "with --task plans are converted",
+        ),
+        (
+            format!("convert {task} cells.json no.yaml"),
+            USAGE,
+            "does not say which format to write",
+        ),
+        (
+            "convert --task one.task.json --representation grid knots.json no.json".to_owned(),
+            INPUT,
+            "the plan has 2 paths, and the task 1 agents",
+        ),
+        (
+            "convert cells.json no.json --separation strict".to_owned(),
+            USAGE,
+            "name the task with --task FILE",
+        ),
+        (
+            format!("convert {task} cells.json cells.json"),
+            INPUT,
+            "one of the files that are read",
+        ),
+    ];
+    each(rows, |(line, exit, part)| {
+        let ended = yard.line(&line).expect(exit);
+        assert!(ended.stderr.contains(part), "{line}: {ended}");
+        assert_eq!(ended.stdout, "", "{line}");
+        assert!(!yard.path("no.json").exists(), "{line}");
+    });
+}
+
+/// Writes a task with the first robot alone.
+fn task_of_one(yard: &Yard) {
+    task(
+        yard,
+        "one.task.json",
+        r#"{"start": [0.5, 0.5], "goal": [3.5, 0.5]}"#,
+    );
+}
+
 #[test]
 fn what_is_wrong_is_said_with_a_way_out() {
     let yard = round_a_corner();

@@ -33,6 +33,27 @@ impl View {
         }
     }
 
+    /// The rules of the view where these are asked for: robots on a grid keep at least the distance that
+    /// its cells are made for, and make a step at the speed that all of them have unless its duration is
+    /// given.
+    pub fn terms(
+        &self,
+        problem: &Problem,
+        separation: Separation,
+        pace: Pace,
+        step_s: Option<f64>,
+    ) -> PlanTerms {
+        let own = match self {
+            Self::Grid(view) => view.spec.separation,
+            Self::Roadmap(_) | Self::Continuous => Separation::default(),
+        };
+        PlanTerms {
+            separation: separation.max(own),
+            step_s: step_s.unwrap_or_else(|| self.step_s(problem)),
+            pace,
+        }
+    }
+
     /// The map as planners are told it. A step of a grid takes `step_s` seconds.
     pub fn environment(&self, problem: &Problem, step_s: f64) -> SharedEnvironment {
         let environment: Environment = match self {

@@ -14,8 +14,10 @@ mod frame;
 mod free;
 mod grid;
 mod judge;
+mod lower;
 mod origin;
 mod overlay;
+mod parameters;
 mod pin;
 mod roadmap;
 mod swept;
@@ -30,6 +32,7 @@ pub use grid::{GridSpec, GridView, cell_side_m, world_to_grid};
 pub use judge::{GridTerms, Judged, StepCosts, ViewVerdict};
 pub use origin::{Origin, VIEW_FORMAT};
 pub use overlay::{OverlayReport, OverlaySpec, OverlayView, roadmap_to_grid};
+pub use parameters::{BuilderKind, BuilderParameters, ViewName};
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
     given_roadmap, world_to_roadmap,

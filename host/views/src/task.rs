@@ -458,7 +458,30 @@ pub fn load_problem(path: impl AsRef<Path>) -> Result<Problem, InputError> {
     Ok(problem)
 }
 
+impl Task {
+    /// The files that the task names: its world or its map, and its fleet, from the folder of the task.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        let place = match &self.place {
+            Place::World(file) | Place::Map { file, .. } => file.as_str(),
+        };
+        let fleet = match &self.fleet {
+            Fleets::File(file) => Some(file.as_str()),
+            Fleets::Kinds(_) => None,
+        };
+        [place].into_iter().chain(fleet)
+    }
+}
+
 impl Problem {
+    /// The same with its first agents alone, each the robot that it was; with all of them where it has no
+    /// more.
+    #[must_use]
+    pub fn first(mut self, agents: usize) -> Self {
+        self.task.agents.truncate(agents);
+        self.fleet = self.fleet.first(agents);
+        self
+    }
+
     /// An agent's shape.
     pub fn shape(&self, agent: usize) -> &Shape {
         &self.fleet.shapes()[self.fleet.profile_of()[agent] as usize]

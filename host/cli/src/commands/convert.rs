@@ -5,17 +5,20 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use fleetyard_core::formats::{
-    AgentList, Contents, Format, Parts, Scale, TRANSPOSED_HINT, grid_size, looks_transposed,
+    AgentList, Contents, Format, Parts, Scale, TRANSPOSED_HINT, UnreadPlan, Written, grid_size,
+    looks_transposed,
 };
 use fleetyard_core::{
-    Connectivity, Grid, GridInstance, InputError, PathEncoding, PlanFile, load_map,
-    write_all_atomically,
+    Grid, GridInstance, InputError, PathEncoding, PlanFile, RoadmapPlanFile, Separation,
+    TrajectoryFile, load_map, write_all_atomically,
 };
 use fleetyard_sim::SimConfig;
+use fleetyard_views::{Problem, Representation, View, load_problem};
 
-use crate::args::{connectivity, file_format, word};
+use super::task::{Chosen, ViewArgs, cells_of, place, representation, visits_of};
+use crate::args::{VIEW, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::file_name;
 use crate::output;
@@ -23,14 +26,17 @@ use crate::output;
 /// Convert an instance or a plan from one format to another.
 ///
 /// Formats are guessed from content and name. What FROM lacks and TO needs is given
-/// with options: a file of paths has no map, a schedule has no goals.
+/// with options: a file of paths has no map, a schedule has no goals. With --task a plan of a view of
+/// the task becomes one in the task's world, or the other way round.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("cells").multiple(true))]
 pub(crate) struct Convert {
     /// The file to read, - for standard input
     #[arg(
         value_name = "FROM",
         required_unless_present = "list",
-        requires = "output"
+        requires = "output",
+        group = "cells"
     )]
     input: Option<PathBuf>,
     /// The file to write, - for standard output
@@ -54,18 +60,23 @@ pub(crate) struct Convert {
     /// Number of agents to use, from the first [default: those of the plan, or all]
     #[arg(long, value_name = "N")]
     agents: Option<usize>,
-    /// Neighbours of a cell: 4 or 8
-    #[arg(long, value_name = "N", default_value = "4", value_parser = connectivity)]
-    connectivity: Connectivity,
+    /// Task file: FROM is a plan of a view of it and TO the same plan in its world, or FROM is a plan in
+    /// its world and TO the same plan of a view
+    #[arg(long, help_heading = VIEW, value_name = "FILE",
+          conflicts_with_all = ["map", "scen", "agents", "cell_size"])]
+    task: Option<PathBuf>,
+    #[command(flatten)]
+    view: ViewArgs,
     /// Encoding of paths in a plan file [default: pairs]
     #[arg(long, value_parser = word::<PathEncoding>())]
     plan_encoding: Option<PathEncoding>,
     /// Side of a cell in metres, where a plan on a grid becomes trajectories
     #[arg(long, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     cell_size: f64,
-    /// Duration of one step in seconds, where a plan on a grid becomes trajectories
-    #[arg(long, value_name = "SECONDS", default_value_t = SimConfig::default().step_s)]
-    step: f64,
+    /// Duration of one step in seconds, between a plan on a grid and trajectories [default: 1; for the
+    /// grid of a task the time that robots need for a cell]
+    #[arg(long, value_name = "SECONDS")]
+    step: Option<f64>,
 }
 
 pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
@@ -73,6 +84,13 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         output::print(&list())?;
         return Ok(Exit::Success);
     };
+    if let Some(task) = &arguments.task {
+        return of_task(arguments, task, from, to);
+    }
+    if arguments.view.grid.separation != Separation::default() {
+        let reason = "--separation is about the grid of a task, and there is none";
+        return Err(Failure::new(Exit::Usage, reason).hint("name the task with --task FILE"));
+    }
     let named = arguments.map.as_deref().map(load_map).transpose()?;
     let named = named.map(Arc::new);
     let size = named.as_deref().map(grid_size);
@@ -102,18 +120,23 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         let map = parts.write(Format::Map, &name)?;
         written.others.push((format!("{name}.map"), map.bytes));
     }
+    deliver(to, &written, &inputs)
+}
+
+/// Writes a file and those that belong to it, and says which there are.
+fn deliver(to: &Path, written: &Written, inputs: &[&Path]) -> Result<Exit> {
     if to == Path::new("-") {
         if !written.others.is_empty() {
-            let reason = format!("the format {format} is several files, which do not fit there");
+            let reason = "this is several files, which do not fit there";
             return Err(Failure::new(Exit::Usage, reason).hint("name a file instead of -"));
         }
         return to_stdout(&written.bytes);
     }
     let others = written.others.iter();
-    let mut files: Vec<(PathBuf, &[u8])> = vec![(to.clone(), &written.bytes)];
+    let mut files: Vec<(PathBuf, &[u8])> = vec![(to.to_owned(), &written.bytes)];
     files.extend(others.map(|(name, bytes)| (to.with_file_name(name), bytes.as_slice())));
     for (path, _) in &files {
-        refuse_input(path, &inputs)?;
+        refuse_input(path, inputs)?;
     }
     let files: Vec<(&Path, &[u8])> = files
         .iter()
@@ -124,6 +147,197 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         output::print(&path.display().to_string())?;
     }
     Ok(Exit::Success)
+}
+
+/// A plan of a view of a task as one in the task's world, or the other way round.
+fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<Exit> {
+    let problem = load_problem(task)?;
+    let file = UnreadPlan::load(from, arguments.from)?;
+    let of_plan = representation(file.format());
+    let named = !arguments.view.is_open();
+    let named = named.then(|| arguments.view.choose(of_plan)).transpose()?;
+    let format = match (arguments.to, of_plan) {
+        (Some(format), _) => format,
+        (None, Representation::Continuous) => {
+            format_of(to, named.as_ref().map(Chosen::representation))?
+        }
+        (None, _) => format_of(to, Some(Representation::Continuous))?,
+    };
+    if !(format.carries_plan() || format.carries_trajectories()) {
+        let reason = format!("{format} has no plan, and with --task plans are converted");
+        return Err(Failure::new(Exit::Usage, reason).hint(TASK_FORMATS));
+    }
+    let goal = representation(format);
+    let kind = match (of_plan, goal) {
+        (Representation::Continuous, kind) | (kind, Representation::Continuous)
+            if of_plan != goal =>
+        {
+            kind
+        }
+        _ => {
+            let reason = format!(
+                "this is a plan {}, and {format} is one {}",
+                place(of_plan),
+                place(goal)
+            );
+            let hint = if of_plan == goal {
+                "leave out --task, which is for plans that become those of another view"
+            } else {
+                "write --to trajectories first; they go into every view whose plan they are"
+            };
+            return Err(InputError::new(file.source(), reason).hint(hint).into());
+        }
+    };
+    let chosen = match named {
+        Some(chosen) => chosen,
+        None => arguments.view.choose(kind)?,
+    };
+    if chosen.representation() != kind {
+        let (is, wanted) = (place(kind), place(chosen.representation()));
+        let by = chosen.argument();
+        let reason = format!("one of the plans is {is}, and {by} asks for one {wanted}");
+        let hint = format!("leave out {by}, or name a view {is}");
+        return Err(InputError::new(file.source(), reason).hint(hint).into());
+    }
+    let view = chosen.derive(&problem)?;
+    let step_s = arguments.step.unwrap_or_else(|| view.step_s(&problem));
+    let parts = if goal == Representation::Continuous {
+        Parts {
+            trajectories: Some(lifted(&view, &file, &problem, step_s)?),
+            ..Parts::default()
+        }
+    } else {
+        let plan = file.trajectories()?;
+        check_agents(&plan, &problem)?;
+        lowered(&view, plan, step_s, arguments.plan_encoding)?
+    };
+    let written = parts.write(format, &stem(to))?;
+    let inputs: Vec<&Path> = [from, task]
+        .into_iter()
+        .chain(arguments.view.files().map(PathBuf::as_path))
+        .collect();
+    deliver(to, &written, &inputs)
+}
+
+/// The formats of this project for plans of a task.
+const TASK_FORMATS: &str = "say it with --to FORMAT: trajectories, plan or roadmap-plan";
+
+/// The format that a name means for plans of a kind of view, if one is named.
+fn format_of(to: &Path, kind: Option<Representation>) -> Result<Format> {
+    let refused = |reason: String, hint: &str| Err(Failure::new(Exit::Usage, reason).hint(hint));
+    let is_json = to.extension().is_some_and(|end| end == "json");
+    match kind {
+        _ if !is_json => {
+            let reason = format!("{} does not say which format to write", to.display());
+            refused(reason, TASK_FORMATS)
+        }
+        None => refused(
+            "nothing says which view's plan this is to become".to_owned(),
+            "name it with --representation grid, --representation roadmap or --view FILE",
+        ),
+        Some(Representation::Grid) => Ok(Format::Plan),
+        Some(Representation::Roadmap) => Ok(Format::RoadmapPlan),
+        Some(Representation::Continuous) => Ok(Format::Trajectories),
+    }
+}
+
+/// A plan of a view in the world of its task.
+fn lifted(
+    view: &View,
+    file: &UnreadPlan,
+    problem: &Problem,
+    step_s: f64,
+) -> Result<TrajectoryFile> {
+    let source = file.source();
+    let refused = |reason: String, hint: Option<&'static str>| {
+        InputError::new(source.as_str(), reason).maybe_hint(hint)
+    };
+    let (planner, plan) = match view {
+        View::Grid(view) => {
+            let file = cells_of(view, file)?;
+            let plan = view.lift(&file.plan, step_s);
+            let plan = plan.map_err(|error| refused(error.to_string(), error.hint()))?;
+            (file.planner, plan)
+        }
+        View::Roadmap(view) => {
+            let file = visits_of(view, file)?;
+            let plan = view.lift(&file.plan);
+            let plan = plan.map_err(|error| refused(error.to_string(), error.hint()))?;
+            (file.planner, plan)
+        }
+        View::Continuous => {
+            let file = file.trajectories()?;
+            (file.planner, file.plan)
+        }
+    };
+    let file = TrajectoryFile {
+        source,
+        planner,
+        ..TrajectoryFile::new(plan)
+    };
+    check_agents(&file, problem)?;
+    Ok(file)
+}
+
+/// A plan in the world as the plan of a view, with what a file of it needs.
+fn lowered(
+    view: &View,
+    file: TrajectoryFile,
+    step_s: f64,
+    encoding: Option<PathEncoding>,
+) -> Result<Parts> {
+    let none = |reason: String| {
+        InputError::new(file.source.as_str(), reason).hint(
+            "only what moves as plans of this view do is one; `fleetyard run --task` plans on the view itself",
+        )
+    };
+    if file.plan.has_headings() {
+        output::note("headings are left out: plans of this view have none");
+    }
+    Ok(match view {
+        View::Grid(view) => Parts {
+            grid: Some(Arc::clone(view.instance.grid())),
+            plan: Some(PlanFile {
+                planner: file.planner.clone(),
+                encoding: encoding.unwrap_or_default(),
+                ..PlanFile::new(
+                    &view.instance,
+                    view.lower(&file.plan, step_s).map_err(none)?,
+                )
+            }),
+            instance: Some(view.instance.clone()),
+            ..Parts::default()
+        },
+        View::Roadmap(view) => {
+            let plan = view.lower(&file.plan);
+            let plan = plan.map_err(|error| none(error.to_string()))?;
+            let plan = RoadmapPlanFile {
+                planner: file.planner.clone(),
+                ..RoadmapPlanFile::new(&view.roadmap, None, plan)
+            };
+            Parts {
+                roadmap: Some(Arc::new(view.roadmap.clone())),
+                roadmap_plan: Some(plan),
+                ..Parts::default()
+            }
+        }
+        View::Continuous => Parts {
+            trajectories: Some(file),
+            ..Parts::default()
+        },
+    })
+}
+
+/// Refuses a plan of another team than the task's.
+fn check_agents(file: &TrajectoryFile, problem: &Problem) -> Result<()> {
+    let (agents, asked) = (file.plan.agents(), problem.task.agents.len());
+    if agents == asked {
+        return Ok(());
+    }
+    let reason = format!("the plan has {agents} paths, and the task {asked} agents");
+    Err(InputError::new(file.source.as_str(), reason)
+        .hint("name the task that the plan was made for")
+        .into())
 }
 
 /// The format to write: the one that was asked for, or that the name says.
@@ -174,7 +388,7 @@ fn parts(
     }
     let instance = match (&grid, list) {
         (Some(grid), Some(list)) => {
-            Some(list.instance(grid.clone(), agents, arguments.connectivity)?)
+            Some(list.instance(grid.clone(), agents, arguments.view.grid.connectivity)?)
         }
         _ => None,
     };
@@ -198,7 +412,7 @@ fn parts(
         trajectories: contents.trajectories.clone(),
         scale: Scale {
             cell_size_m: arguments.cell_size,
-            step_s: arguments.step,
+            step_s: arguments.step.unwrap_or(SimConfig::default().step_s),
         },
     })
 }

@@ -11,7 +11,9 @@ use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
 };
-use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile, load_roadmap};
+use fleetyard_core::{
+    Digest, InputError, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile, load_roadmap,
+};
 use fleetyard_views::{
     GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile,
     ViewSpec, ViewVerdict, given_roadmap, load_problem, load_view,
@@ -117,7 +119,7 @@ pub(super) enum Chosen {
 }
 
 impl Chosen {
-    fn representation(&self) -> Representation {
+    pub(super) fn representation(&self) -> Representation {
         match self {
             Self::File(file) => file.spec.representation(),
             Self::Roadmap(..) => Representation::Roadmap,
@@ -126,7 +128,7 @@ impl Chosen {
     }
 
     /// The argument that says it.
-    fn argument(&self) -> &'static str {
+    pub(super) fn argument(&self) -> &'static str {
         match self {
             Self::File(_) => "--view",
             Self::Roadmap(..) => "--roadmap",
@@ -238,19 +240,13 @@ impl TaskArgs {
         listed: usize,
     ) -> Result<(Judged, Digest, bool)> {
         let instance = &view.instance;
-        let size = grid_size(instance.grid());
-        let file = file.grid(size)?;
-        file.check_for(instance).map_err(|error| {
-            error.hint(
-                "the cells of a view follow from --connectivity and --separation; name the file \
-                 that `fleetyard world grid` wrote with --view, or remove instance_digest from the plan",
-            )
-        })?;
+        let file = cells_of(view, file)?;
         let terms = GridTerms {
             separation: self.view.grid.separation.max(view.spec.separation),
             step_s,
         };
         let judged = view.judge(problem, &file.plan, terms, listed);
+        let size = grid_size(instance.grid());
         let turned = !judged.is_valid() && looks_transposed(size, instance.starts(), &file.plan);
         Ok((judged, Digest::of_plan(&file.plan), turned))
     }
@@ -262,21 +258,39 @@ impl TaskArgs {
         file: &UnreadPlan,
         listed: usize,
     ) -> Result<(Judged, Digest)> {
-        let file = file.roadmap()?;
-        file.check_for(&view.roadmap).map_err(|error| {
-            error.hint(
-                "a roadmap follows from --builder and its parameters; name the file that \
-                 `fleetyard world roadmap` wrote with --view, or a roadmap with --roadmap, or remove \
-                 roadmap_digest from the plan",
-            )
-        })?;
+        let file = visits_of(view, file)?;
         let judged = view.judge(problem, &file.plan, self.view.pace, listed)?;
         Ok((judged, file.plan.digest()))
     }
 }
 
+/// The plan of a grid view in a file.
+pub(super) fn cells_of(view: &GridView, file: &UnreadPlan) -> Result<PlanFile> {
+    let file = file.grid(grid_size(view.instance.grid()))?;
+    file.check_for(&view.instance).map_err(|error| {
+        error.hint(
+            "the cells of a view follow from --connectivity and --separation; name the file \
+             that `fleetyard world grid` wrote with --view, or remove instance_digest from the plan",
+        )
+    })?;
+    Ok(file)
+}
+
+/// The plan of a roadmap view in a file.
+pub(super) fn visits_of(view: &RoadmapView, file: &UnreadPlan) -> Result<RoadmapPlanFile> {
+    let file = file.roadmap()?;
+    file.check_for(&view.roadmap).map_err(|error| {
+        error.hint(
+            "a roadmap follows from --builder and its parameters; name the file that \
+             `fleetyard world roadmap` wrote with --view, or a roadmap with --roadmap, or remove \
+             roadmap_digest from the plan",
+        )
+    })?;
+    Ok(file)
+}
+
 /// The kind of views that plans in a format are of.
-fn representation(format: FileFormat) -> Representation {
+pub(super) fn representation(format: FileFormat) -> Representation {
     if format.carries_plan() {
         Representation::Grid
     } else if format.carries_roadmap() {
@@ -286,7 +300,7 @@ fn representation(format: FileFormat) -> Representation {
     }
 }
 
-fn place(representation: Representation) -> &'static str {
+pub(super) fn place(representation: Representation) -> &'static str {
     match representation {
         Representation::Grid => "on a grid",
         Representation::Roadmap => "on a roadmap",

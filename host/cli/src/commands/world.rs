@@ -10,9 +10,9 @@ use fleetyard_core::{
 };
 use fleetyard_view::{Picture, World};
 use fleetyard_views::{
-    Builder, GridSpec, GridView, OverlayReport, OverlaySpec, Problem, RoadmapSpec, Sampling,
-    grid_to_roadmap, grid_to_world, load_problem, roadmap_to_grid, roadmap_to_world, world_to_grid,
-    world_to_roadmap,
+    Builder, BuilderKind, BuilderParameters, GridSpec, GridView, OverlayReport, OverlaySpec,
+    Problem, RoadmapSpec, Sampling, grid_to_roadmap, grid_to_world, load_problem, roadmap_to_grid,
+    roadmap_to_world, world_to_grid, world_to_roadmap,
 };
 use fleetyard_world::write_workspace;
 use serde::Serialize;
@@ -186,10 +186,10 @@ struct BuilderArgs {
           conflicts_with_all = ["vertices", "neighbors", "builder"])]
     density: Option<String>,
     /// Drawn vertices, beside starts and goals
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 900)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().vertices)]
     vertices: usize,
     /// Neighbours with which a vertex is joined, if it sees them
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 9)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().neighbors)]
     neighbors: usize,
     /// Origin of drawn vertices
     #[arg(long, help_heading = VIEW, value_parser = word::<Sampling>(), default_value_t)]
@@ -198,53 +198,26 @@ struct BuilderArgs {
     #[arg(long, help_heading = VIEW, value_name = "METRES", required_if_eq("builder", "lattice"))]
     side: Option<f64>,
     /// Directions of a lattice's edges: 4, 8, 16 or 32
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 8)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().directions)]
     directions: u32,
     /// Sides of the polygons that stand for circles round corners, for tangent graphs
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = 16)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().sides)]
     sides: u32,
 }
 
-/// The builders by their words.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum BuilderKind {
-    #[default]
-    Prm,
-    PrmStar,
-    Lattice,
-    Delaunay,
-    Tangent,
-}
-
-words!(BuilderKind {
-    Prm = "prm", "Drawn vertices, each joined with its nearest that it sees";
-    PrmStar = "prm-star", "The same with as many neighbours as make shortest paths converge to the optimum";
-    Lattice = "lattice", "A square lattice";
-    Delaunay = "delaunay", "The Delaunay triangulation of drawn vertices";
-    Tangent = "tangent", "Corners of obstacles and the lines that bend round them: misses no passage";
-});
-
 impl BuilderArgs {
     fn builder(&self) -> Builder {
-        let (sampling, vertices) = (self.sampling, self.vertices);
-        if let Some(known) = self.density.as_deref().and_then(Builder::preset) {
-            return known;
-        }
-        match self.builder {
-            BuilderKind::Prm => Builder::Prm {
-                sampling,
-                vertices,
-                neighbors: self.neighbors,
-            },
-            BuilderKind::PrmStar => Builder::PrmStar { sampling, vertices },
-            BuilderKind::Delaunay => Builder::Delaunay { sampling, vertices },
-            // The parser asks for it.
-            BuilderKind::Lattice => Builder::Lattice {
-                side_m: self.side.unwrap_or(f64::NAN),
-                directions: self.directions,
-            },
-            BuilderKind::Tangent => Builder::Tangent { sides: self.sides },
-        }
+        let known = self.density.as_deref().and_then(Builder::preset);
+        let parameters = BuilderParameters {
+            kind: self.builder,
+            vertices: self.vertices,
+            neighbors: self.neighbors,
+            sampling: self.sampling,
+            side_m: self.side,
+            directions: self.directions,
+            sides: self.sides,
+        };
+        known.unwrap_or_else(|| parameters.builder())
     }
 }
 

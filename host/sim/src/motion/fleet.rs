@@ -147,6 +147,13 @@ impl Fleet {
         })
     }
 
+    /// The first robots alone.
+    #[must_use]
+    pub fn first(mut self, agents: usize) -> Self {
+        self.profile_of.truncate(agents);
+        self
+    }
+
     /// Robots of one kind.
     pub fn uniform(profile: Profile, agents: usize) -> Result<Self, FleetError> {
         Self::new(vec![profile], vec![0; agents])

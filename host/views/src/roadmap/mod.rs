@@ -171,6 +171,16 @@ impl RoadmapSpec {
             speed_m_per_s: None,
         }
     }
+
+    /// The distance of drawn vertices that is asked for of a problem, in metres.
+    pub(crate) fn spacing_m(&self, problem: &Problem) -> f64 {
+        self.spacing_m.unwrap_or(2.0 * problem.common_radius_m())
+    }
+
+    /// The seed by which a problem's roadmap is drawn.
+    pub(crate) fn seed(&self, problem: &Problem) -> u64 {
+        self.seed.unwrap_or(problem.task.seed)
+    }
 }
 
 /// A task on a roadmap.
@@ -242,13 +252,13 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
         return refuse(reason, "see `fleetyard world roadmap --help` for limits");
     }
     let radius_m = problem.common_radius_m();
-    let spacing_m = spec.spacing_m.unwrap_or(2.0 * radius_m);
+    let spacing_m = spec.spacing_m(problem);
     if !(spacing_m.is_finite() && spacing_m >= 0.0) {
         let reason = format!("vertices cannot be {spacing_m} m apart");
         return refuse(reason, "give a distance in metres, or 0 for none");
     }
     let speed_m_per_s = common_speed(problem, spec.speed_m_per_s)?;
-    let seed = spec.seed.unwrap_or(problem.task.seed);
+    let seed = spec.seed(problem);
     let free = Free::new(&problem.world);
     let Pinned {
         at_m,
@@ -356,7 +366,10 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
 }
 
 /// The speed of all robots: the one that is asked for, or the largest that all have.
-fn common_speed(problem: &Problem, asked_m_per_s: Option<f64>) -> Result<f64, InputError> {
+pub(crate) fn common_speed(
+    problem: &Problem,
+    asked_m_per_s: Option<f64>,
+) -> Result<f64, InputError> {
     let speed_m_per_s = asked_m_per_s.unwrap_or_else(|| problem.common_speed_m_per_s());
     if speed_m_per_s.is_finite() && speed_m_per_s > 0.0 {
         return Ok(speed_m_per_s);
