@@ -886,3 +886,260 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
     let told = yard.run(&line).expect(SUCCESS);
     assert!(told.stdout.contains("time of work"), "{told}");
 }
+
+/// Copies the task with two rooms, and writes a suite of it next to it.
+fn rooms(yard: &Yard, planners: &[&str], instances: &str) {
+    for file in ["two-rooms.task.json", "two-rooms.world.json"] {
+        yard.write(file, fs::read(root().join("maps").join(file)).unwrap());
+    }
+    let planners: Vec<String> = planners
+        .iter()
+        .map(|planner| format!("[[planner]]\nplugin = \"{planner}\"\n"))
+        .collect();
+    let planners = planners.concat();
+    yard.write(
+        "s.toml",
+        format!(
+            "name = \"rooms\"\nprotocol.keep_plans = true\nbudget.wall = \"1m\"\n[execution]\n{planners}\
+             [[instances]]\ntask = \"*.task.json\"\n{instances}\n"
+        ),
+    );
+}
+
+#[test]
+fn a_suite_asks_every_planner_about_the_views_that_it_claims() {
+    let yard = Yard::new();
+    let suite = root().join("scripts/suites/views.toml");
+    let suite = suite.display().to_string();
+    let bench = ["bench", suite.as_str(), "--store", "v.sqlite"];
+    let more = ["--set", "protocol.repeats=1", "--format", "json"];
+    let run = |last: &[&str]| yard.run(&[&bench[..], &more[..], last].concat());
+    let report = run(&[]).expect(SUCCESS).json();
+    // Two planners on two grids, one on four roadmaps, one in the plane, each with 1 to 3 robots.
+    assert_eq!(report["made"], 3 * (2 * 2 + 4 + 1));
+    assert_eq!(run(&["--resume"]).expect(SUCCESS).json()["made"], 0);
+    let rows = rows(&yard.path("v.sqlite"));
+    let of = |planner: &str, view: &str, agents: u64| -> &Row {
+        let mut found = rows.iter().filter(|row| {
+            row.planner == planner && row.view.as_deref() == Some(view) && row.agents == agents
+        });
+        let row = found.next().unwrap();
+        assert!(found.next().is_none());
+        row
+    };
+    for row in &rows {
+        let text = format!("{row:?}");
+        assert_eq!(row.map, "two-rooms", "{text}");
+        assert_eq!(row.scenario, "two-rooms.task.json", "{text}");
+        let on_grid = row.representation.as_deref() == Some("grid");
+        assert_eq!(row.connectivity.is_some(), on_grid, "{text}");
+        assert_eq!(row.map_rows.is_some(), on_grid, "{text}");
+        assert_eq!(row.soc_steps.is_some(), on_grid, "{text}");
+        assert_eq!(row.lower_bound_steps, None, "{text}");
+        let in_plane = row.representation.as_deref() == Some("continuous");
+        assert_eq!(row.valid_in_view, (!in_plane).then_some(true), "{text}");
+        // Costs have one currency, whatever the view.
+        let (length, soc, makespan) = (row.path_length_m, row.soc_s, row.makespan_s);
+        let (length, soc, makespan) = (length.unwrap(), soc.unwrap(), makespan.unwrap());
+        assert!(length <= soc + 1e-6 && makespan <= soc + 1e-6, "{text}");
+        assert!(row.execution_makespan_s.is_some() && row.view_digest.is_some());
+        let task = of("plane-pp", "continuous", row.agents);
+        assert_eq!(row.task_digest, task.task_digest, "{text}");
+        // Solved is what is valid on the view and in the world.
+        assert_eq!(row.success, row.valid_in_world == Some(true), "{text}");
+    }
+    let dense = of("roadmap-pp", "D", 3);
+    assert_eq!(
+        dense.view_parameters.as_deref(),
+        Some(
+            r#"{"builder":"prm","neighbors":9,"pace":"stop-go","representation":"roadmap","roadmap_seed":1,"sampling":"uniform","spacing":0.5,"speed":1.0,"vertices":900}"#
+        )
+    );
+    // Fewer robots are another task, and so another roadmap.
+    let two = of("roadmap-pp", "D", 2);
+    assert!(two.task_digest != dense.task_digest && two.view_digest != dense.view_digest);
+    // In cells of 2r one robot follows the other round a corner, and touches it.
+    let grid = of("lacam", "grid", 3);
+    assert_eq!(grid.failure().as_deref(), Some("invalid in the world"));
+    assert!(
+        grid.first_violation
+            .as_ref()
+            .is_some_and(|first| first.starts_with("in the world: agents 1 and 2 overlap")),
+        "{grid:?}"
+    );
+    assert!(of("lacam", "strict grid", 3).success);
+    let ended = yard.line("report v.sqlite --csv v.csv --html v.html --markdown v.md");
+    let text = ended.expect(SUCCESS).stdout;
+    let line = |agents: &str, view: &str, planner: &str| -> Vec<String> {
+        let mut found = text.lines().filter(|line| {
+            let rest = line.trim_start().strip_prefix(agents).map(str::trim_start);
+            let rest = rest.and_then(|rest| rest.strip_prefix(view));
+            rest.is_some_and(|rest| rest.trim_start().starts_with(planner))
+        });
+        let line = found.next().unwrap_or_else(|| panic!("no {view}: {text}"));
+        line.split("  ")
+            .map(|cell| cell.trim().to_owned())
+            .filter(|cell| !cell.is_empty())
+            .collect()
+    };
+    let plane = line("3", "continuous", "plane-pp");
+    assert_eq!(plane[3], "1/1", "{text}");
+    assert_eq!(
+        plane[plane.len() - 4..],
+        ["100.0 %", "100.0 %", "100.0 %", "1"],
+        "{text}"
+    );
+    let strict = line("3", "strict grid", "lacam");
+    let way: f64 = strict[strict.len() - 4]
+        .trim_end_matches(" %")
+        .parse()
+        .unwrap();
+    assert!(way > 100.0, "{text}");
+    assert_eq!(line("3", "grid", "lacam")[3..5], ["0/1", "1"], "{text}");
+    // A planner is another one on each view, and a task is one instance.
+    assert!(text.contains("lacam on strict grid"), "{text}");
+    let read = fleetyard_bench::export::read_csv;
+    let csv = yard.line("store export v.sqlite --csv - ").expect(SUCCESS);
+    let back = read("v.csv", csv.stdout.as_bytes()).unwrap();
+    assert_eq!(back, rows);
+    let page = String::from_utf8(yard.read("v.html")).unwrap();
+    assert!(page.contains("<section id=\"views\""));
+    // One trial of it by itself.
+    let task = root()
+        .join("maps/two-rooms.task.json")
+        .display()
+        .to_string();
+    let again = format!(
+        "run --task {task} --agents 2 --representation roadmap --density D -p roadmap-pp --format json"
+    );
+    let again = yard.line(&again).expect(SUCCESS).json();
+    assert_eq!(again["plan_digest"].as_str(), two.plan_digest.as_deref());
+    let many = yard.line(&format!("run --task {task} --agents 4 -p lacam"));
+    let many = many.expect(INPUT);
+    assert!(
+        many.stderr
+            .contains("4 agents asked for, but the task has 3"),
+        "{many}"
+    );
+}
+
+#[test]
+fn a_suite_of_tasks_goes_into_a_bundle_and_comes_out_the_same() {
+    let yard = Yard::new();
+    let views = "views = [\"grid\", { label = \"lines\", representation = \"roadmap\", builder = \"tangent\" }, \
+                 \"continuous\"]";
+    rooms(&yard, &["cbs", "roadmap-pp", "plane-pp"], views);
+    let report = yard.line("bench s.toml --format json").expect(SUCCESS);
+    assert_eq!(report.json()["made"], 3);
+    let same = yard
+        .line("bench s.toml --verify --format json")
+        .expect(SUCCESS);
+    assert_eq!(same.json()["equal"], 3, "{same}");
+    yard.line("store bundle rooms.sqlite").expect(SUCCESS);
+    let repeated = yard.line("store repeat rooms.bundle.tar.gz --into out --format json");
+    let repeated = repeated.expect(SUCCESS);
+    assert_eq!(repeated.json()["equal"], 3, "{repeated}");
+    let inputs = fs::read_dir(yard.path("out/rooms/inputs"))
+        .or_else(|_| fs::read_dir(yard.path("out/inputs")));
+    let mut names: Vec<_> = inputs
+        .unwrap()
+        .map(|file| file.unwrap().file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["two-rooms.task.json", "two-rooms.world.json"]);
+    // Plans of every form are kept, each once.
+    let manifest: serde_json::Value = ["out/rooms/manifest.json", "out/manifest.json"]
+        .iter()
+        .find_map(|file| fs::read(yard.path(file)).ok())
+        .map(|text| serde_json::from_slice(&text).unwrap())
+        .unwrap();
+    assert_eq!(
+        manifest["plans"],
+        serde_json::json!({"kept": 3, "not_kept": 0})
+    );
+    // Another world is another task: what was asked of it is asked anew, and no bundle has the old trials.
+    let world = String::from_utf8(yard.read("two-rooms.world.json")).unwrap();
+    yard.write(
+        "two-rooms.world.json",
+        world.replace("10.0,6.0]", "10.5,6.0]"),
+    );
+    let changed = yard
+        .line("store bundle rooms.sqlite --out b.tar.gz")
+        .expect(INPUT);
+    assert!(
+        changed
+            .stderr
+            .contains("changed since the trials were made"),
+        "{changed}"
+    );
+    let resumed = yard
+        .line("bench s.toml --resume --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(
+        (&resumed["made"], &resumed["superseded"]),
+        (&3.into(), &3.into())
+    );
+    // A view that has another label is the same view.
+    let text = String::from_utf8(yard.read("s.toml")).unwrap();
+    yard.write("s.toml", text.replace("\"lines\"", "\"tangents\""));
+    let renamed = yard
+        .line("bench s.toml --resume --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(renamed["made"], 0);
+    let views = rows(&yard.path("rooms.sqlite"));
+    let views: Vec<&str> = views.iter().filter_map(|row| row.view.as_deref()).collect();
+    assert_eq!(views, ["grid", "tangents", "continuous"]);
+}
+
+#[test]
+fn views_that_nobody_plans_on_are_refused_and_those_that_are_none_fail() {
+    let yard = Yard::new();
+    rooms(&yard, &["cbs", "roadmap-pp"], "views = [\"grid\"]");
+    let lonely = yard.line("bench s.toml").expect(INPUT);
+    assert!(
+        lonely
+            .stderr
+            .contains("s.toml:8:10: planner `roadmap-pp` plans on none of the views"),
+        "{lonely}"
+    );
+    rooms(&yard, &["cbs"], "views = [\"grid\", \"continuous\"]");
+    let empty = yard.line("bench s.toml").expect(INPUT);
+    assert!(
+        empty
+            .stderr
+            .contains("s.toml:9:18: no planner plans on the view `continuous`")
+            && empty.stderr.contains("a planner that claims `continuous`"),
+        "{empty}"
+    );
+    // Two starts in one cell.
+    rooms(
+        &yard,
+        &["cbs", "plane-pp"],
+        "views = [\"grid\", \"continuous\"]",
+    );
+    let task = String::from_utf8(yard.read("two-rooms.task.json")).unwrap();
+    let near = task.replace("[9.0,1.0], \"goal\"", "[9.1,1.0], \"goal\"");
+    let near = near.replace("[3.8,5.0], \"goal\"", "[9.45,1.38], \"goal\"");
+    yard.write("two-rooms.task.json", near);
+    let refused = yard.line("bench s.toml").expect(INPUT);
+    assert!(refused.stderr.contains("snap"), "{refused}");
+    let text = String::from_utf8(yard.read("s.toml")).unwrap();
+    yard.write("s.toml", format!("{text}no_view = \"fail\"\n"));
+    let report = yard
+        .line("bench s.toml --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!((&report["made"], &report["failed"]), (&2.into(), &1.into()));
+    let rows = rows(&yard.path("rooms.sqlite"));
+    assert_eq!(rows[0].failure().as_deref(), Some("unsupported"));
+    assert!(
+        rows[0]
+            .fault
+            .as_ref()
+            .is_some_and(|fault| fault.contains("snap"))
+    );
+    assert!(rows[1].success);
+    assert_eq!(rows[0].task_digest, rows[1].task_digest);
+}

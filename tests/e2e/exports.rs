@@ -125,7 +125,7 @@ fn extreme_values_of_a_store_are_shown() {
             success: true,
             agents: number,
             seed: number,
-            map_rows: u32::MAX,
+            map_rows: Some(u32::MAX),
             maze_seed: Some(number),
             maze_width: Some(u32::MAX),
             maze_height: Some(0),

@@ -1,16 +1,16 @@
 //! A suite that is ready to run: its planners found and asked what they are, its instances
 //! counted, every trial with its key.
 
-use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fleetyard_abi::c::PluginEntry;
-use fleetyard_abi::{Descriptor, Kind, Plan};
+use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_check::metrics;
-use fleetyard_core::{Digest, Grid, GridInstance, GridPlan, Hasher, InputError};
+use fleetyard_core::{Connectivity, Digest, Grid, GridPlan, Hasher, InputError};
 use fleetyard_runtime::measure::{Cpus, Machine, Reason};
 use fleetyard_runtime::{Attach, Discovery, Limit, Policy, Runtime, SandboxReport, Trust};
 use fleetyard_sim::{Figures, NoTrace};
+use fleetyard_views::Representation;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -19,13 +19,14 @@ use crate::fleet::{FleetModules, blamed};
 use crate::kept;
 use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
-use crate::plugin::{GivenOptions, Plugin, Running};
+use crate::plugin::{GivenOptions, Plugin, Running, representations};
 use crate::record::{self, Ending, Record};
 use crate::row::{Incumbent, Row};
-use crate::suite::{Clock, MazeOrigin, Origin, PlannerSetup, Reuse, Suite, SuiteInstance};
+use crate::suite::{
+    Clock, MazeOrigin, Origin, PlannerSetup, Question, Reuse, Suite, SuiteInstance,
+};
 use crate::trial::{Host, Outcome, Trial, milliseconds};
 use crate::trial_error::TrialError;
-use crate::trial_instance::TrialInstance;
 
 /// A suite with its planners and instances.
 pub struct Experiment<'s> {
@@ -35,7 +36,7 @@ pub struct Experiment<'s> {
     instances: Vec<SuiteInstance>,
     schedule: Schedule,
     /// The instance of the latest trial: those of one instance follow each other.
-    latest: Option<(usize, GridInstance)>,
+    latest: Option<(usize, Question)>,
     pin: Option<Pin>,
 }
 
@@ -156,6 +157,11 @@ impl<'s> Experiment<'s> {
             protocol.repeats,
             protocol.warm_ups,
         );
+        let schedule = schedule.only(
+            &planners.iter().map(Planner::bits).collect::<Vec<u8>>(),
+            instances.iter().map(bit_of).collect(),
+        );
+        check_views(suite, &planners, &instances, &schedule)?;
         Ok(Self {
             suite,
             host,
@@ -228,7 +234,6 @@ impl<'s> Experiment<'s> {
         let limits = self.host.runtime.limits();
         let unranked = record::unranked(planner.plugin.attach(), limits, None, None, []);
         let started_unix_ms = now_unix_ms();
-        let grid = instance.grid()?;
         let mut row = Row {
             key: self.schedule.key(planned),
             trial: planned.number,
@@ -243,9 +248,7 @@ impl<'s> Experiment<'s> {
             built_in: Some(planner.plugin.is_built_in()),
             instance_digest: instance.digest()?.to_string(),
             agents: instance.agents() as u64,
-            connectivity: instance.connectivity().degree(),
-            map_rows: grid.rows(),
-            map_cols: grid.cols(),
+            connectivity: instance.connectivity().map(Connectivity::degree),
             seed: planned.seed,
             repeat: planned.repeat,
             machine: Machine::here().digest().to_string(),
@@ -253,8 +256,15 @@ impl<'s> Experiment<'s> {
             ..Row::default()
         };
         row.place(instance.origin());
+        if let (Some(view), Some(problem)) = (instance.view(), instance.problem()) {
+            row.representation = Some(view.spec.representation().to_string());
+            row.view = Some(view.label.clone());
+            row.task_digest = Some(problem.digest().to_string());
+        } else {
+            row.lie_on(&*instance.grid()?);
+        }
         let made = if planner.fleet.is_some() {
-            self.drive(planned, &grid, &mut row).map(|()| None)
+            self.drive(planned, &mut row).map(|()| None)
         } else {
             self.plan(planned, &mut row).map(Some)
         };
@@ -276,9 +286,12 @@ impl<'s> Experiment<'s> {
         Ok((row, record))
     }
 
-    /// Refuses planners that do not claim what an instance needs.
+    /// Refuses planners that do not claim what an instance on a grid needs.
     pub fn check_capabilities(&self, instance: &SuiteInstance) -> Result<(), TrialError> {
-        let (connectivity, rule) = (instance.connectivity(), self.suite.protocol.path_rule);
+        let rule = self.suite.protocol.path_rule;
+        let Some(connectivity) = instance.connectivity() else {
+            return Ok(());
+        };
         self.planners.iter().try_for_each(|planner| {
             let Planner {
                 plugin, descriptor, ..
@@ -290,11 +303,27 @@ impl<'s> Experiment<'s> {
     /// A trial of a plan.
     fn plan(&mut self, planned: &Planned, row: &mut Row) -> Result<Record, TrialError> {
         let suite = self.suite;
-        let instance = match self.latest.take() {
-            Some((index, instance)) if index == planned.instance => instance,
-            _ => self.instances[planned.instance].grid_instance()?,
+        let question = match self.latest.take() {
+            Some((index, question)) if index == planned.instance => question,
+            _ => {
+                let instance = &self.instances[planned.instance];
+                instance.question().map_err(|error| match instance.view() {
+                    Some(_) if instance.may_lack() => TrialError::NoView(error),
+                    _ => error.into(),
+                })?
+            }
         };
-        let (_, instance) = &*self.latest.insert((planned.instance, instance));
+        let (_, question) = &*self.latest.insert((planned.instance, question));
+        if let (Question::View(asked), Some(view)) =
+            (question, self.instances[planned.instance].view())
+        {
+            let parameters = view.spec.parameters(&asked.problem, asked.terms);
+            row.view_parameters = Some(Value::Object(parameters).to_string());
+            row.view_digest = Some(asked.view.digest(&asked.problem).to_string());
+            if let Some(cells) = question.cells() {
+                row.lie_on(cells.grid());
+            }
+        }
         let planner = &mut self.planners[planned.planner];
         let budget = self.host.budget();
         row.budget_ms = milliseconds(budget.wall);
@@ -303,10 +332,7 @@ impl<'s> Experiment<'s> {
         let trial = Trial {
             host: &self.host,
             planner: &planner.plugin,
-            instance: TrialInstance::Grid {
-                instance,
-                path_rule: suite.protocol.path_rule,
-            },
+            instance: question.trial(suite.protocol.path_rule),
             scenario: &row.scenario,
             seed: planned.seed,
             config: &suite.config,
@@ -317,8 +343,10 @@ impl<'s> Experiment<'s> {
             Reuse::Never => trial.run(&mut NoTrace),
         };
         let Outcome { record, plan, .. } = made.inspect_err(|_| {
-            let bound = metrics(instance, &GridPlan::default(), suite.config.cell_size_m);
-            row.lower_bound_steps = bound.lower_bound_steps;
+            if let Question::Grid(instance) = question {
+                let bound = metrics(instance, &GridPlan::default(), suite.config.cell_size_m);
+                row.lower_bound_steps = Some(bound.lower_bound_steps);
+            }
         })?;
         if record.sandbox.is_some() {
             planner.sandbox.clone_from(&record.sandbox);
@@ -329,19 +357,14 @@ impl<'s> Experiment<'s> {
         });
         row.fill(&record, suite.protocol.clock);
         if suite.protocol.keep_plans {
-            let plan = plan.and_then(Plan::into_cells);
-            row.plan = plan.and_then(|plan| kept::packed(instance, &plan));
+            row.plan = plan.and_then(|plan| kept::packed(question, &plan));
         }
         Ok(record)
     }
 
     /// A trial of a fleet.
-    fn drive(
-        &mut self,
-        planned: &Planned,
-        grid: &Arc<Grid>,
-        row: &mut Row,
-    ) -> Result<(), TrialError> {
+    fn drive(&mut self, planned: &Planned, row: &mut Row) -> Result<(), TrialError> {
+        let grid = self.instances[planned.instance].grid()?;
         let agents = u32::try_from(row.agents).unwrap_or(u32::MAX);
         let planner = &mut self.planners[planned.planner];
         let Some(fleet) = &planner.fleet else {
@@ -349,7 +372,7 @@ impl<'s> Experiment<'s> {
         };
         fleet.describe(row);
         let runtime = &self.host.runtime;
-        let drive = fleet.run(runtime, &planner.plugin, grid, agents, planned.seed)?;
+        let drive = fleet.run(runtime, &planner.plugin, &grid, agents, planned.seed)?;
         drive.fill(row);
         row.unranked = drive.unranked(planner.plugin.attach(), runtime.limits());
         row.ranked = row.unranked.is_none();
@@ -412,6 +435,12 @@ impl Planner {
         Ok(planner)
     }
 
+    /// The kinds of instances that it is asked, as a [`Schedule`] has them.
+    fn bits(&self) -> u8 {
+        let views = representations(&self.descriptor).map(bit);
+        views.fold(ON_A_MAP, |bits, view| bits | view)
+    }
+
     /// Stands for the planner as it is asked in this suite.
     fn digest(&self, context: &Value) -> Digest {
         let mut hasher = of_planner(
@@ -426,6 +455,56 @@ impl Planner {
         }
         hasher.finish()
     }
+}
+
+/// The bit of instances on maps, which every planner is asked: one that cannot has trials that fail.
+const ON_A_MAP: u8 = 1;
+
+/// The bit of views of a representation.
+fn bit(representation: Representation) -> u8 {
+    match representation {
+        Representation::Grid => 2,
+        Representation::Roadmap => 4,
+        Representation::Continuous => 8,
+    }
+}
+
+/// The bit of an instance.
+fn bit_of(instance: &SuiteInstance) -> u8 {
+    let view = instance.view();
+    view.map_or(ON_A_MAP, |view| bit(view.spec.representation()))
+}
+
+/// Refuses a planner that plans on none of the views, and a view on which no planner plans.
+fn check_views(
+    suite: &Suite,
+    planners: &[Planner],
+    instances: &[SuiteInstance],
+    schedule: &Schedule,
+) -> Result<(), BenchError> {
+    let all = instances
+        .iter()
+        .fold(0, |bits, instance| bits | bit_of(instance));
+    for (setup, planner) in suite.planners.iter().zip(planners) {
+        if planner.bits() & all == 0 {
+            let error = TrialError::NoneOfViews {
+                planner: setup.label.clone(),
+                name: planner.plugin.name.clone(),
+            };
+            return Err(setup.blamed(error));
+        }
+    }
+    for (index, instance) in instances.iter().enumerate() {
+        if let Some(view) = instance.view().filter(|_| schedule.asked(index).is_empty()) {
+            let reason = format!("no planner plans on the view `{}`", view.label);
+            let hint = format!(
+                "leave it out, or add a planner that claims `{}`; `fleetyard plugins list` names planners",
+                view.spec.representation()
+            );
+            return Err(view.place.error(reason).hint(hint).into());
+        }
+    }
+    Ok(())
 }
 
 /// The hash of a planner with its code, attachment, options and context, but for the rest of a
@@ -513,6 +592,12 @@ impl Row {
         self.maze_algorithm = Some(algorithm.name().to_owned());
     }
 
+    /// It is on this grid.
+    fn lie_on(&mut self, grid: &Grid) {
+        self.map_rows = Some(grid.rows());
+        self.map_cols = Some(grid.cols());
+    }
+
     /// It may not be compared, for this reason if there is none yet.
     fn unrank(&mut self, reason: &str) {
         self.ranked = false;
@@ -547,8 +632,9 @@ impl Row {
         self.message.clone_from(&record.message);
         self.valid = record.plan_digest.is_some() && record.verdict.valid;
         self.violations = record.verdict.violation_count;
-        let first = record.verdict.violations.first();
-        self.first_violation = first.map(|violation| violation.sentence.clone());
+        self.first_violation = record.sentences().into_iter().next();
+        self.valid_in_view = record.valid_in_view();
+        self.valid_in_world = record.valid_in_world();
         self.success = record.ending() == Ending::Success;
         self.planning_time_ms = metrics.planning_time_ms;
         self.call_time_ms = metrics.call_time_ms;
@@ -587,7 +673,10 @@ impl Row {
         self.first_solution_ms = metrics.first_solution_ms;
         self.soc_steps = metrics.soc_steps;
         self.makespan_steps = metrics.makespan_steps;
-        self.lower_bound_steps = metrics.lower_bound_steps;
+        let on_a_map = record.instance.representation.is_none();
+        self.lower_bound_steps = on_a_map.then_some(metrics.lower_bound_steps);
+        self.soc_s = metrics.soc_s;
+        self.makespan_s = metrics.makespan_s;
         self.suboptimality = metrics.suboptimality;
         self.path_length_cells = metrics.length_cells.map(|cells| cells as f64);
         self.path_length_m = metrics.length_m;

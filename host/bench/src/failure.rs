@@ -1,7 +1,9 @@
 //! The reason of a failed trial, in a few words that many trials share.
 //!
 //! A failure has one reason, the first of these that there is: what ended the run; what the
-//! planner itself says of it; what is wrong with a plan that it claims to be a solution. What a
+//! planner itself says of it; what is wrong with a plan that it claims to be a solution. A plan of a view
+//! of a task solves it where it keeps the rules of the view and is valid by footprints in the world: one
+//! that only keeps the rules has a reason of its own. What a
 //! planner leaves that did not claim one is judged in the record, and is no reason.
 
 use fleetyard_abi::Status;
@@ -12,6 +14,14 @@ use crate::row::Row;
 
 pub(crate) const INVALID_PLAN: &str = "invalid plan";
 
+/// The reason of a plan that keeps the rules of its view, and not clear of others in the world.
+pub(crate) const INVALID_IN_WORLD: &str = "invalid in the world";
+
+/// True if the reason is a plan that is wrong.
+pub(crate) fn is_invalid(reason: &str) -> bool {
+    [INVALID_PLAN, INVALID_IN_WORLD].contains(&reason)
+}
+
 /// The facts that decide how a trial ended.
 struct Trial<'a> {
     termination: &'a str,
@@ -19,6 +29,8 @@ struct Trial<'a> {
     claim: Option<&'a str>,
     /// The verdict on the plan, if there is one.
     valid: Option<bool>,
+    /// True if the plan keeps the rules of a view.
+    keeps_rules: bool,
 }
 
 impl Trial<'_> {
@@ -39,6 +51,7 @@ impl Trial<'_> {
             _ if !is(Termination::Completed) => self.termination.into(),
             _ if claims(Status::TimedOut) => Termination::TimedOut.to_string(),
             (_, Some(claim), _) if !claims(Status::Solved) => format!("no plan: {claim}"),
+            (.., Some(_)) if self.keeps_rules => INVALID_IN_WORLD.into(),
             (.., Some(_)) => INVALID_PLAN.into(),
             (.., None) => "no plan".into(),
         })
@@ -63,6 +76,7 @@ impl Row {
             limit: given(self.limit_exceeded.as_deref()),
             claim: given(self.claim.as_deref()),
             valid: has_plan.then_some(false),
+            keeps_rules: self.valid_in_view == Some(true),
         };
         trial.failure()
     }
@@ -83,6 +97,7 @@ impl Record {
             limit: limit.as_deref(),
             claim: claim.as_deref(),
             valid: self.plan_digest.map(|_| self.verdict.valid),
+            keeps_rules: self.valid_in_view() == Some(true),
         };
         trial.failure()
     }
@@ -100,7 +115,7 @@ impl Record {
             | Termination::OverLimit
             | Termination::Unsupported => match self.failure().as_deref() {
                 None => Ending::Success,
-                Some(INVALID_PLAN) => Ending::InvalidPlan,
+                Some(reason) if is_invalid(reason) => Ending::InvalidPlan,
                 Some(_) => Ending::NoPlan,
             },
         }
@@ -123,8 +138,27 @@ mod tests {
             limit: Some("memory"),
             claim: claim.as_deref(),
             valid,
+            keeps_rules: false,
         };
         trial.failure().unwrap_or_else(|| "none".into())
+    }
+
+    #[test]
+    fn a_plan_that_only_keeps_the_rules_of_its_view_has_a_reason_of_its_own() {
+        let row = |valid_in_view: Option<bool>, claim: &str| Row {
+            termination: "completed".into(),
+            claim: Some(claim.into()),
+            plan_digest: Some("p".into()),
+            valid_in_view,
+            valid_in_world: Some(false),
+            ..Row::default()
+        };
+        let reason = |row: Row| row.failure().unwrap();
+        assert_eq!(reason(row(Some(true), "solved")), "invalid in the world");
+        assert_eq!(reason(row(Some(false), "solved")), "invalid plan");
+        // The plane is the world.
+        assert_eq!(reason(row(None, "solved")), "invalid plan");
+        assert_eq!(reason(row(Some(true), "gave-up")), "no plan: gave-up");
     }
 
     #[test]

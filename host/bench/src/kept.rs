@@ -5,24 +5,52 @@ use std::io::{Read, Write};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
+use fleetyard_abi::Plan;
 use fleetyard_core::plan_file::PLAN_FILE_LIMIT;
-use fleetyard_core::{GridInstance, GridPlan, PlanFile, write_plan};
+use fleetyard_core::{
+    GridInstance, GridPlan, PlanFile, RoadmapPlanFile, TrajectoryFile, write_plan,
+    write_roadmap_plan, write_trajectories,
+};
+use fleetyard_views::{View, trajectories_of, visits_of};
+
+use crate::suite::Question;
 
 /// The largest plan that is kept, in bytes as it is stored.
 const LARGEST: usize = 64 << 20;
 
-/// The plan file of a plan, compressed; `None` for one that is too large to be kept. It names
-/// neither planner nor instance: equal plans are equal files.
-pub(crate) fn packed(instance: &GridInstance, plan: &GridPlan) -> Option<Vec<u8>> {
-    let file = PlanFile {
+/// The plan file of a plan, compressed; `None` for one that is too large to be kept, or is none of what
+/// was asked. It names neither planner nor instance: equal plans are equal files.
+pub(crate) fn packed(question: &Question, plan: &Plan) -> Option<Vec<u8>> {
+    let view = match question {
+        Question::Grid(_) => None,
+        Question::View(asked) => Some(&asked.view),
+    };
+    let file = match (view, plan) {
+        (_, Plan::Cells(plan)) => cells(question.cells()?, plan),
+        (Some(View::Roadmap(view)), Plan::Visits(visits)) => {
+            let plan = visits_of(visits).ok()?;
+            write_roadmap_plan(&RoadmapPlanFile {
+                roadmap_digest: None,
+                ..RoadmapPlanFile::new(&view.roadmap, None, plan)
+            })
+        }
+        (Some(View::Continuous), Plan::Trajectories(knots)) => {
+            write_trajectories(&TrajectoryFile::new(trajectories_of(knots).ok()?))
+        }
+        _ => return None,
+    };
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(&file).ok()?;
+    let packed = encoder.finish().ok()?;
+    (packed.len() <= LARGEST).then_some(packed)
+}
+
+fn cells(instance: &GridInstance, plan: &GridPlan) -> Vec<u8> {
+    write_plan(&PlanFile {
         instance_digest: None,
         map: None,
         ..PlanFile::new(instance, plan.clone())
-    };
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(&write_plan(&file)).ok()?;
-    let packed = encoder.finish().ok()?;
-    (packed.len() <= LARGEST).then_some(packed)
+    })
 }
 
 /// The plan file that was kept; `None` if the bytes are none.
@@ -49,7 +77,8 @@ mod tests {
         let grid = Arc::new(Grid::new("hall", 2, 3, vec![b'.'; 6]).unwrap());
         let instance = GridInstance::new(grid, Connectivity::Four, vec![0], vec![5]).unwrap();
         let plan = GridPlan::from_paths([[0, 1, 2, 5]]);
-        let packed = packed(&instance, &plan).unwrap();
+        let question = Question::Grid(instance);
+        let packed = packed(&question, &Plan::Cells(plan.clone())).unwrap();
         let text = unpacked(&packed).unwrap();
         let file = read_plan("p.json", &text).unwrap();
         assert_eq!(file.plan, plan);

@@ -40,9 +40,9 @@ pub use experiment::{Experiment, Pin, Planner, now_unix_ms};
 pub use fleet::start_modules;
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
-pub use places::{Places, ScenarioPlace};
+pub use places::{Places, ScenarioPlace, TaskPlace};
 pub use plan::{Planned, Schedule, Shard, Step};
-pub use plugin::{GivenOptions, Plugin, Running};
+pub use plugin::{GivenOptions, Plugin, Running, representations};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, number,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::Experiment;
+use crate::suite::Origin;
 
 /// Files that a suite and its planners were read from, with their whole paths.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,6 +17,9 @@ pub struct Places {
     pub suite: Option<PathBuf>,
     /// Scenarios and their maps; none that shares both names with another one.
     pub scenarios: Vec<ScenarioPlace>,
+    /// Tasks; none that shares its names with another one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tasks: Vec<TaskPlace>,
     /// Files of planners by their labels; none of built-in ones.
     pub planners: BTreeMap<String, PathBuf>,
 }
@@ -31,6 +35,19 @@ pub struct ScenarioPlace {
     pub map_file: PathBuf,
     /// The scenario's file.
     pub scenario_file: PathBuf,
+}
+
+/// A task, by the names that trials have.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TaskPlace {
+    /// The task's own name.
+    pub map: String,
+    /// Name of its file.
+    pub scenario: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Number of its agents.
+    pub agents: usize,
 }
 
 impl Places {
@@ -58,6 +75,24 @@ impl Places {
                     scenario_file,
                 })
             });
+        let mut tasks: BTreeMap<(String, String), Vec<TaskPlace>> = BTreeMap::new();
+        for instance in experiment.instances() {
+            if let Some((file, agents)) = instance.task() {
+                let Origin { map, scenario, .. } = instance.origin();
+                let known = tasks.entry((map.clone(), scenario.clone())).or_default();
+                let place = TaskPlace {
+                    map,
+                    scenario,
+                    file: whole(file),
+                    agents,
+                };
+                if !known.contains(&place) {
+                    known.push(place);
+                }
+            }
+        }
+        let tasks = tasks.into_values();
+        let tasks = tasks.filter_map(|places| <[TaskPlace; 1]>::try_from(places).ok());
         let planners = experiment.planners().iter().filter_map(|planner| {
             let file = planner.plugin.path()?;
             Some((planner.label.clone(), whole(&file)))
@@ -65,6 +100,7 @@ impl Places {
         Self {
             suite: suite.map(whole),
             scenarios: scenarios.collect(),
+            tasks: tasks.flatten().collect(),
             planners: planners.collect(),
         }
     }

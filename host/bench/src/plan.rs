@@ -1,6 +1,7 @@
 //! The trials of a suite, and the order in which they are made.
 //!
-//! Every planner is asked every instance with every seed, as often as the suite repeats it.
+//! Every planner is asked every instance with every seed, as often as the suite repeats it; a view of a
+//! task only where it claims the view's representation.
 //! Trials of one instance follow each other, so that its map is learnt once. Rounds of planners are
 //! the rows of a Williams design ([`in_turn`]): each is first as often as any other, and after any
 //! other as often. Warm-ups of an instance come before its trials.
@@ -26,7 +27,14 @@ pub struct Schedule {
     seeds: Vec<u64>,
     repeats: u32,
     warm_ups: u32,
+    /// For each instance the bits of planners that are asked it.
+    kinds: Vec<u8>,
+    /// By the bits of an instance, the planners that have one of them, in order.
+    asked: BTreeMap<u8, Vec<usize>>,
 }
+
+/// The bits of an instance that every planner is asked, and of planners that are asked all.
+const ANY: u8 = u8::MAX;
 
 /// One trial of a schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +87,8 @@ impl Schedule {
                 *count - 1
             })
             .collect();
+        let kinds = vec![ANY; instances.len()];
+        let asked = BTreeMap::from([(ANY, (0..planners.len()).collect())]);
         Self {
             planners,
             instances,
@@ -86,12 +96,34 @@ impl Schedule {
             seeds,
             repeats,
             warm_ups,
+            kinds,
+            asked,
         }
+    }
+
+    /// The same, but that an instance is for the planners alone that have one of its bits. Trials keep
+    /// the numbers that they have where all are asked everything.
+    #[must_use]
+    pub fn only(mut self, planners: &[u8], instances: Vec<u8>) -> Self {
+        let asked = |kind: u8| -> Vec<usize> {
+            let of = |planner: &usize| planners[*planner] & kind != 0;
+            (0..planners.len()).filter(of).collect()
+        };
+        self.asked = instances.iter().map(|kind| (*kind, asked(*kind))).collect();
+        self.kinds = instances;
+        self
+    }
+
+    /// The planners that are asked an instance.
+    pub fn asked(&self, instance: usize) -> &[usize] {
+        self.asked
+            .get(&self.kinds[instance])
+            .map_or(&[], Vec::as_slice)
     }
 
     /// Number of trials, warm-ups aside.
     pub fn len(&self) -> u64 {
-        self.instances.len() as u64 * self.rounds() * self.planners.len() as u64
+        self.len_of(Shard::ALL)
     }
 
     /// True if there is nothing to do.
@@ -130,7 +162,8 @@ impl Schedule {
     /// The trials of an instance in the order of their numbers.
     pub(crate) fn of_instance(&self, instance: usize) -> impl Iterator<Item = Planned> {
         (0..self.rounds()).flat_map(move |round| {
-            (0..self.planners.len()).map(move |planner| self.planned(instance, round, planner))
+            let asked = self.asked(instance).iter();
+            asked.map(move |planner| self.planned(instance, round, *planner))
         })
     }
 
@@ -166,7 +199,8 @@ impl Schedule {
 
     /// Number of trials that a shard has.
     pub fn len_of(&self, shard: Shard) -> u64 {
-        self.dealt(shard).count() as u64 * self.rounds() * self.planners.len() as u64
+        let asked = self.dealt(shard).map(|instance| self.asked(instance).len());
+        asked.sum::<usize>() as u64 * self.rounds()
     }
 
     /// The trials of a shard in the order of their numbers.
@@ -177,15 +211,20 @@ impl Schedule {
 
     /// The steps of a shard, in order.
     pub fn order(&self, shard: Shard) -> impl Iterator<Item = Step> {
-        let planners = self.planners.len();
-        // Counted within the shard: the planners of a suite may be as many as its shards.
+        // Counted within the shard: the planners of a suite may be as many as its shards. Each kind of
+        // instances has turns of its own, as its planners do.
         self.dealt(shard)
-            .enumerate()
+            .scan(BTreeMap::new(), move |turns, instance| {
+                let next: &mut usize = turns.entry(self.kinds[instance]).or_default();
+                *next += 1;
+                Some((*next - 1, instance))
+            })
             .flat_map(move |(turn, instance)| {
                 let first = turn + (shard.index - 1) as usize;
+                let asked = self.asked(instance);
                 let round = move |round: u64, offset: usize| {
-                    in_turn(first + offset, planners)
-                        .map(move |planner| self.planned(instance, round, planner))
+                    in_turn(first + offset, asked.len())
+                        .map(move |place| self.planned(instance, round, asked[place]))
                 };
                 let warm_ups = (0..self.warm_ups as usize).flat_map(move |offset| round(0, offset));
                 let trials = (0..self.rounds()).flat_map(move |index| round(index, index as usize));
@@ -376,6 +415,32 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn instances_that_are_not_for_everybody_leave_the_others_out() {
+        // The first planner is for grids, the second for both, the third for roadmaps.
+        let schedule = schedule(3, 8, 1, 1, 1).only(&[1, 3, 2], [1, 2].repeat(4));
+        assert_eq!(schedule.len(), 16);
+        assert_eq!(
+            (schedule.asked(0), schedule.asked(1)),
+            (&[0, 1][..], &[1, 2][..])
+        );
+        let numbers: Vec<u64> = schedule.trials().map(|planned| planned.number).collect();
+        assert_eq!(numbers[..6], [0, 1, 4, 5, 6, 7], "as where all are asked");
+        let warm_ups = schedule.order(Shard::ALL).count() as u64 - schedule.len();
+        assert_eq!(warm_ups, 16);
+        let mut first = BTreeMap::new();
+        for round in timed(&schedule, Shard::ALL).chunks(2) {
+            assert_eq!(round[0].instance, round[1].instance);
+            *first
+                .entry((round[0].instance % 2, round[0].planner))
+                .or_insert(0) += 1;
+        }
+        let each = [(0, 0), (0, 1), (1, 1), (1, 2)];
+        assert_eq!(first, each.map(|key| (key, 2)).into());
+        // Nobody has the kind: there is nothing to do.
+        assert!(super::Schedule::only(schedule, &[1, 1, 1], vec![2; 8]).is_empty());
     }
 
     #[test]

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use crate::calibration::Correction;
 use crate::claims::Claim;
-use crate::failure::INVALID_PLAN;
+use crate::failure::is_invalid;
 
 /// Everything there is to say about one run. Values that do not exist are
 /// absent, never zero.
@@ -430,6 +430,17 @@ impl Record {
         claims.filter(|claim| claim.agrees == Some(false))
     }
 
+    /// True if the plan keeps the rules of its view; none in the plane, which is the world, and without a
+    /// view or a plan.
+    pub fn valid_in_view(&self) -> Option<bool> {
+        Some(self.judged.as_ref()?.view.as_ref()?.is_valid())
+    }
+
+    /// True if the plan of a view is valid by footprints in the world; none if it has no place there.
+    pub fn valid_in_world(&self) -> Option<bool> {
+        Some(self.judged.as_ref()?.world.as_ref()?.valid)
+    }
+
     /// The violations of the plan that are known, a sentence each.
     pub fn sentences(&self) -> Vec<String> {
         let own = self.verdict.violations.iter();
@@ -490,7 +501,7 @@ impl Record {
             line("clock", why.into());
         }
         let count = self.verdict.violation_count;
-        let is_wrong = self.failure().as_deref() == Some(INVALID_PLAN);
+        let is_wrong = self.failure().as_deref().is_some_and(is_invalid);
         line(
             "verdict",
             match self.plan_digest {

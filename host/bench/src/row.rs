@@ -5,6 +5,8 @@
 //! What does not exist is absent (`NULL`, an empty field), never zero. Columns are
 //! only ever added; a change of meaning is a new name.
 
+use std::borrow::Cow;
+
 /// Type of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnType {
@@ -182,12 +184,22 @@ columns! {
     scenario: String,
     /// Number of agents.
     agents: u64,
-    /// Neighbours of a cell, 4 or 8.
-    connectivity: u32,
-    /// Rows of the map.
-    map_rows: u32,
-    /// Columns of the map.
-    map_cols: u32,
+    /// Neighbours of a cell, 4 or 8, on a grid.
+    connectivity: Option<u32>,
+    /// Rows of the map, on a grid.
+    map_rows: Option<u32>,
+    /// Columns of the map, on a grid.
+    map_cols: Option<u32>,
+    /// Representation of the view of a task: `grid`, `roadmap` or `continuous`.
+    representation: Option<String>,
+    /// The view's label in the suite.
+    view: Option<String>,
+    /// Its parameters by the names of the command line, as a JSON object.
+    view_parameters: Option<String>,
+    /// Digest of what the planner was given: cells, or roadmap, with starts and goals.
+    view_digest: Option<String>,
+    /// Digest of the task: world, robots, starts and goals.
+    task_digest: Option<String>,
     /// Number of the maze in its series, from 0.
     maze_index: Option<u64>,
     /// Seed of the maze.
@@ -222,7 +234,11 @@ columns! {
     violations: u64,
     /// The first violation, in words.
     first_violation: Option<String>,
-    /// True if the planner ended as it should and its plan is valid.
+    /// True if the last plan keeps the rules of the view; absent in the plane.
+    valid_in_view: Option<bool>,
+    /// True if the last plan is valid by footprints in the task's world; absent if it has no place there.
+    valid_in_world: Option<bool>,
+    /// True if the planner ended as it should and its plan is valid, of a view in the world too.
     success: bool,
     /// The time that is compared, as `clock` says; of a fleet, the mean over its planner's calls.
     solve_time_ms: f64,
@@ -252,14 +268,18 @@ columns! {
     soc_steps: Option<u64>,
     /// Time at which the last agent arrives.
     makespan_steps: Option<u64>,
-    /// Sum over agents of the shortest distance.
-    lower_bound_steps: u64,
+    /// Sum over agents of the shortest distance, on a grid.
+    lower_bound_steps: Option<u64>,
     /// Sum of costs over lower bound, of a valid plan.
     suboptimality: Option<f64>,
     /// Length of all paths in cells: moves, or cells of the rasterised segments.
     path_length_cells: Option<f64>,
     /// Length of all paths.
     path_length_m: Option<f64>,
+    /// Sum over agents of the time of their last arrival in a task's world.
+    soc_s: Option<f64>,
+    /// The latest of these times.
+    makespan_s: Option<f64>,
     /// Expansions that the planner claims.
     expansions: Option<f64>,
     /// Agents that arrived in the execution.
@@ -332,6 +352,25 @@ columns! {
     trace_digest: Option<String>,
     /// Begin of the trial, in milliseconds since 1970.
     started_unix_ms: u64,
+}
+
+impl Row {
+    /// The name under which the planner is evaluated: on a view of a task another one than elsewhere.
+    pub fn entrant(&self) -> Cow<'_, str> {
+        match self.view.as_deref().filter(|view| !view.is_empty()) {
+            Some(view) => format!("{} on {view}", self.planner).into(),
+            None => self.planner.as_str().into(),
+        }
+    }
+
+    /// The digest of what is asked: of the task, on whichever view, or of the instance.
+    pub fn question(&self) -> &str {
+        let task = self
+            .task_digest
+            .as_deref()
+            .filter(|digest| !digest.is_empty());
+        task.unwrap_or(&self.instance_digest)
+    }
 }
 
 #[cfg(test)]

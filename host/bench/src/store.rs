@@ -109,6 +109,8 @@ pub struct Asked<'a> {
     pub trial: u64,
     /// The planner's label.
     pub planner: &'a str,
+    /// The label of the view, of a task.
+    pub view: Option<&'a str>,
 }
 
 /// The outcome of merging stores.
@@ -213,9 +215,9 @@ const INSERT_PLAN: &str = "INSERT OR IGNORE INTO plans VALUES (?1, ?2, ?3, ?4)";
 pub struct KeptPlan {
     /// Its digest.
     pub digest: String,
-    /// Rows of its map.
+    /// Rows of its map; 0 of a plan that is on no grid.
     pub map_rows: u32,
-    /// Columns of its map.
+    /// Columns of its map, likewise.
     pub map_cols: u32,
     /// The plan as a file of this project.
     pub file: Vec<u8>,
@@ -435,7 +437,9 @@ impl Store {
             insert(transaction, row, true)?;
             match plan {
                 Some((digest, plan)) => {
-                    transaction.execute(INSERT_PLAN, (digest, row.map_rows, row.map_cols, plan))
+                    // A roadmap has no rows.
+                    let [rows, cols] = [row.map_rows, row.map_cols].map(Option::unwrap_or_default);
+                    transaction.execute(INSERT_PLAN, (digest, rows, cols, plan))
                 }
                 None => Ok(0),
             }
@@ -656,26 +660,28 @@ impl Store {
     ) -> Result<()> {
         self.transact(|transaction| {
             transaction.execute_batch(
-                "CREATE TEMP TABLE asked (key TEXT PRIMARY KEY, trial INTEGER, planner TEXT)",
+                "CREATE TEMP TABLE asked (key TEXT PRIMARY KEY, trial INTEGER, planner TEXT, view TEXT)",
             )?;
             let mut statement =
-                transaction.prepare("INSERT OR IGNORE INTO temp.asked VALUES (?1, ?2, ?3)")?;
+                transaction.prepare("INSERT OR IGNORE INTO temp.asked VALUES (?1, ?2, ?3, ?4)")?;
             for Asked {
                 key,
                 trial,
                 planner,
+                view,
             } in asked
             {
-                statement.execute((key, trial.cast_signed(), planner))?;
+                statement.execute((key, trial.cast_signed(), planner, view))?;
             }
             drop(statement);
             transaction.execute_batch(
                 "UPDATE trials SET current = 0
                  WHERE current AND \"key\" NOT IN (SELECT key FROM temp.asked);
-                 UPDATE trials SET current = 1, \"trial\" = asked.trial, \"planner\" = asked.planner
+                 UPDATE trials SET current = 1, \"trial\" = asked.trial, \"planner\" = asked.planner, \
+                 \"view\" = asked.view
                  FROM temp.asked AS asked WHERE asked.key = trials.\"key\"
                  AND (NOT current OR trials.\"trial\" <> asked.trial
-                      OR trials.\"planner\" <> asked.planner);
+                      OR trials.\"planner\" <> asked.planner OR trials.\"view\" IS NOT asked.view);
                  DROP TABLE temp.asked",
             )?;
             put_meta(transaction, meta)

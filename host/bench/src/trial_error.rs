@@ -74,6 +74,17 @@ pub enum TrialError {
         /// True if it claims to plan in straight lines between any cells.
         lines: bool,
     },
+    /// A planner plans on none of the views that are asked for.
+    #[error("planner `{planner}` plans on none of the views that are asked for")]
+    NoneOfViews {
+        /// The planner's label.
+        planner: String,
+        /// Its name as the user gave it.
+        name: String,
+    },
+    /// A view cannot be derived from its task.
+    #[error("{}", .0.reason)]
+    NoView(InputError),
     /// A planner does not list a feature that the instance needs.
     #[error("planner `{planner}` does not list the feature `{feature}`, which the task needs")]
     Lacks {
@@ -109,6 +120,7 @@ impl TrialError {
         match self {
             Self::Incapable { .. }
             | Self::Lacks { .. }
+            | Self::NoView(_)
             | Self::Fleet(FleetError::Incapable { .. }) => Some(Termination::Unsupported),
             _ => {
                 let fault = self.fault().filter(|fault| !fault.is_of_host())?;
@@ -120,7 +132,7 @@ impl TrialError {
     /// A way out.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::Input(error) => error.hint.clone(),
+            Self::Input(error) | Self::NoView(error) => error.hint.clone(),
             Self::Options(error) => error.hint.clone(),
             Self::Fault(fault) => fault.hint().map(str::to_owned),
             Self::Simulation(error) => error.hint().map(str::to_owned),
@@ -139,7 +151,9 @@ impl TrialError {
                  `supercover` judge"
                     .to_owned(),
             ),
-            Self::Incapable { name, .. } | Self::Lacks { name, .. } => Some(format!(
+            Self::Incapable { name, .. }
+            | Self::Lacks { name, .. }
+            | Self::NoneOfViews { name, .. } => Some(format!(
                 "`fleetyard plugins info {name}` lists what it can do"
             )),
         }

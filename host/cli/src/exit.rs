@@ -171,7 +171,7 @@ impl From<TrialError> for Failure {
         let hint = error.hint();
         let message = error.to_string();
         let exit = match error {
-            TrialError::Input(error) => return error.into(),
+            TrialError::Input(error) | TrialError::NoView(error) => return error.into(),
             TrialError::Options(error) => return error.into(),
             TrialError::Fault(fault) => return fault.into(),
             TrialError::Simulation(error) => return error.into(),
@@ -182,7 +182,9 @@ impl From<TrialError> for Failure {
                 wanted: Some(_), ..
             } => Exit::Usage,
             TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
-            TrialError::Incapable { .. } | TrialError::Lacks { .. } => Exit::NoPlan,
+            TrialError::Incapable { .. }
+            | TrialError::Lacks { .. }
+            | TrialError::NoneOfViews { .. } => Exit::NoPlan,
         };
         Self {
             exit,

@@ -230,7 +230,21 @@ fn unchanged(
                 --resume`";
     let rounds = suite.protocol.seeds.len() as u64 * u64::from(suite.protocol.repeats);
     let each = rounds * suite.planners.len() as u64;
-    let asked = instances.len() as u64 * each;
+    // Who planned on views of a representation does so on all of them.
+    let claims: BTreeSet<(&str, Option<&str>)> = rows
+        .iter()
+        .map(|row| (row.planner.as_str(), row.representation.as_deref()))
+        .collect();
+    let planners = |instance: &SuiteInstance| {
+        let Some(view) = instance.view() else {
+            return suite.planners.len();
+        };
+        let representation = Some(view.spec.representation().name());
+        let planners = suite.planners.iter();
+        let asked = planners.filter(|one| claims.contains(&(one.label.as_str(), representation)));
+        asked.count()
+    };
+    let asked = rounds * instances.iter().map(planners).sum::<usize>() as u64;
     if asked != rows.len() as u64 {
         let reason = format!(
             "the suite asks for {asked} trials, and the store has {}: files that it names are there \
@@ -259,10 +273,21 @@ fn unchanged(
         let (place, others) = match instance.places().as_slice() {
             [] => (suite.name.clone(), String::new()),
             [only] => (only.display().to_string(), String::new()),
-            [map, scenario, ..] => (
-                scenario.display().to_string(),
-                format!(", or its map {},", map.display()),
-            ),
+            [others @ .., named] => {
+                let what = if instance.view().is_some() {
+                    "a file that it names"
+                } else {
+                    "its map"
+                };
+                let others: Vec<String> = others
+                    .iter()
+                    .map(|other| other.display().to_string())
+                    .collect();
+                (
+                    named.display().to_string(),
+                    format!(", or {what} {},", others.join(", ")),
+                )
+            }
         };
         let reason = format!(
             "the file{others} changed since the trials were made: {instance} has the digest \
@@ -296,7 +321,10 @@ fn plans(
 ) -> Result<BundledPlans> {
     let mut asked: BTreeSet<(String, u32, u32)> = rows
         .iter()
-        .filter_map(|row| Some((row.plan_digest.clone()?, row.map_rows, row.map_cols)))
+        .filter_map(|row| {
+            let [rows, cols] = [row.map_rows, row.map_cols].map(Option::unwrap_or_default);
+            Some((row.plan_digest.clone()?, rows, cols))
+        })
         .collect();
     let mut kept = 0;
     store.plans(&mut |plan| {

@@ -1,7 +1,7 @@
 //! Bundles: a finished suite in one archive, from which somebody else repeats it.
 //!
 //! A bundle is a gzipped tar of one folder: the suite with its paths pointing into the folder, maps,
-//! scenarios and fleet files, a copy of the store, the plans that it has kept, the files of plugins
+//! scenarios, tasks and fleet files, a copy of the store, the plans that it has kept, the files of plugins
 //! if they are wanted, and a manifest with the digests of all of it. Equal stores and files give
 //! equal bytes.
 

@@ -78,8 +78,8 @@ impl Names {
         Ok(format!("{folder}/{name}"))
     }
 
-    /// Puts a scenario, and what has to lie beside it.
-    fn put_source(&mut self, source: &Source, map_beside: bool) -> Result<String> {
+    /// Puts a scenario or a task, and what has to lie beside it.
+    fn put_source(&mut self, source: &Source, map_beside: bool, hint: &str) -> Result<String> {
         let name = file_name(&source.file)?;
         let mut unit = vec![(name.clone(), source.file.clone())];
         if let Some(map) = source.map.as_ref().filter(|_| map_beside) {
@@ -93,11 +93,7 @@ impl Names {
             });
             let Some(inside) = inside.and_then(Path::to_str) else {
                 let reason = format!("it names {}, which is not in its folder", other.display());
-                return Err(
-                    InputError::new(source.file.display().to_string(), reason).hint(
-                        "put the files together, or write the instance with `fleetyard convert`",
-                    ),
-                );
+                return Err(InputError::new(source.file.display().to_string(), reason).hint(hint));
             };
             unit.push((inside.to_owned(), other.clone()));
         }
@@ -281,6 +277,14 @@ fn instances(
         if set.made {
             continue;
         }
+        if table.contains_key("task") {
+            let hint = "put the files together, and name them from there in the task";
+            let tasks = set.files.iter();
+            let tasks = tasks.map(|task| names.put_source(task, false, hint));
+            let tasks: Vec<String> = tasks.collect::<Result<_>>()?;
+            table.insert("task".into(), json!(tasks));
+            continue;
+        }
         if !table.contains_key("scen") {
             let maps: Result<Vec<String>> = (set.files.iter())
                 .map(|map| names.put_one(&map.file))
@@ -291,7 +295,8 @@ fn instances(
         let mut scenarios = Vec::new();
         let mut maps: Vec<String> = Vec::new();
         for source in &set.files {
-            scenarios.push(names.put_source(source, !set.maps_named)?);
+            let hint = "put the files together, or write the instance with `fleetyard convert`";
+            scenarios.push(names.put_source(source, !set.maps_named, hint)?);
             if let Some(map) = source.map.as_ref().filter(|_| set.maps_named) {
                 let map = names.put_one(map)?;
                 if !maps.contains(&map) {

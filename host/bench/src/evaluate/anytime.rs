@@ -66,7 +66,7 @@ pub fn targets_reached(trials: &Trials<'_>, times_ms: &[f64]) -> Vec<Reached> {
             solvable().map(of_case).sum::<f64>() / cases as f64
         });
         Some(Reached {
-            planner: planner.label.into(),
+            planner: planner.label.to_string(),
             shares: shares.collect(),
         })
     };
@@ -142,7 +142,7 @@ impl Anytime {
         let share = |value: &dyn Fn(&Row, f64) -> f64| mean_of(&over(value));
         let integrals = over(&primal_integral);
         Self {
-            planner: planner.label.into(),
+            planner: planner.label.to_string(),
             primal_integral: mean_of(&integrals),
             interval: clustered_mean_interval(&integrals),
             targets: PARTS

@@ -73,7 +73,7 @@ pub fn curves(trials: &Trials<'_>, along: Dimension, metric: &Metric) -> Vec<Cur
                 }
             };
             Curve {
-                planner: planner.label.into(),
+                planner: planner.label.to_string(),
                 points: levels.into_iter().map(point).collect(),
             }
         })
@@ -141,7 +141,7 @@ pub fn cactus(trials: &Trials<'_>, metric: &Metric) -> Vec<Cactus> {
     let planners = trials.planners().iter();
     planners
         .map(|planner| Cactus {
-            planner: planner.label.into(),
+            planner: planner.label.to_string(),
             cases: planner.cases.len(),
             marks: marks(&planner.cases, |case| case.value(metric)),
         })
@@ -161,7 +161,7 @@ pub fn profiles(trials: &Trials<'_>, metric: &Metric) -> Vec<Cactus> {
     }
     let planners = trials.planners().iter();
     let profile = |planner: &Planner<'_>| Cactus {
-        planner: planner.label.into(),
+        planner: planner.label.to_string(),
         cases: planner.cases.len(),
         marks: marks(&planner.cases, |case| {
             let factor = case.value(metric)? / best[case.instance];
@@ -290,7 +290,7 @@ pub fn box_plots(trials: &Trials<'_>, metric: &Metric) -> Vec<BoxPlot> {
             let within = |value: f64| (low..=high).contains(&value);
             let inner = || values.iter().copied().filter(|value| within(*value));
             Some(BoxPlot {
-                planner: planner.label.into(),
+                planner: planner.label.to_string(),
                 // Rounding may put a quartile of equal values outside of its own fences.
                 whisker_low: inner().next().unwrap_or(q1).min(q1),
                 whisker_high: inner().next_back().unwrap_or(q3).max(q3),

@@ -62,7 +62,7 @@ impl Dimension {
             Self::Map => name(&row.map),
             Self::Scenario => name(&row.scenario),
             Self::Agents => count(row.agents),
-            Self::Connectivity => count(row.connectivity.into()),
+            Self::Connectivity => count(row.connectivity?.into()),
             Self::MazeAlgorithm => name(row.maze_algorithm.as_ref()?),
             Self::MazeSize => Level {
                 number: Some(row.maze_width?.into()),

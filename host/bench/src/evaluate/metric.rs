@@ -83,6 +83,8 @@ metrics! {
     path_length_cells: "path length", "cells", LESS, known;
     path_length_m: "path length", "m", LESS, known;
     expansions: "expansions", "", LESS, known;
+    soc_s: "sum of costs in the world", "s", LESS, known;
+    makespan_s: "makespan in the world", "s", LESS, known;
     planning_time_ms: "planning time, host's clock", "ms", LESS, Some;
     call_time_ms: "planning time that the planner claims", "ms", LESS, known;
     startup_time_ms: "start of the plugin", "ms", LESS, known;
@@ -101,12 +103,14 @@ metrics! {
 }
 
 /// Metrics of which planners are held against each other one by one, as far as they have them.
-pub(crate) const COMPARED: [&str; 9] = [
+pub(crate) const COMPARED: [&str; 11] = [
     "solve_time_ms",
     "first_solution_ms",
     "soc_steps",
     "makespan_steps",
     "path_length_cells",
+    "soc_s",
+    "makespan_s",
     "total_time_ms",
     "cpu_time_ms",
     "peak_memory_kb",

@@ -1,7 +1,8 @@
 //! From rows to what tables and plots show. Whoever shows a number of a suite (reports,
 //! Markdown, `compare`, scripts) has it from here, so that all show the same.
 //!
-//! A *case* is a planner on an instance with a seed and a budget. Its success is the share of its
+//! A *case* is a planner on an instance with a seed and a budget. A task is one instance, whichever view of
+//! it planners are given, and a planner on another view is another planner. Its success is the share of its
 //! repeats that succeeded, and its values are their medians, if all did. Cases are in *clusters*:
 //! those of one scenario, unless a suite says otherwise ([`Unit`]). Rates and means are over cases;
 //! intervals and tests count clusters, because what is in one is alike.
@@ -24,6 +25,7 @@ mod standing;
 mod summary;
 mod trials;
 mod unit;
+mod views;
 
 pub use anytime::{Anytime, GAPS, PARTS, Reached, targets_reached};
 pub use censored::{Censored, censored};
@@ -47,6 +49,7 @@ pub use standing::{Standing, VirtualBest};
 pub use summary::{FailureCount, MetricSummary, Overview, PlannerSummary};
 pub use trials::{Case, Planner, Trials};
 pub use unit::{Counts, Unit};
+pub use views::{ViewLine, WorldCosts};
 
 use serde::Serialize;
 
@@ -72,6 +75,8 @@ pub struct Evaluation {
     /// The same of sums of costs; absent where nobody has one of an instance of which the
     /// first has one.
     pub costs: Option<Comparison>,
+    /// Planners on views of tasks; none where no trial is of one.
+    pub views: Vec<ViewLine>,
 }
 
 impl Evaluation {
@@ -86,7 +91,9 @@ impl Evaluation {
         let planners = ranking.planners.iter().filter_map(summary).collect();
         let best = (ranking.planners.first()).filter(|_| trials.planners().len() > 1);
         let compared = |metric| compare_with(trials, &best?.planner, metric);
-        let costs = Metric::named("soc_steps").and_then(compared);
+        let of_tasks = trials.rows().any(|row| row.view.is_some());
+        let cost = if of_tasks { "soc_s" } else { "soc_steps" };
+        let costs = Metric::named(cost).and_then(compared);
         let some = |costs: &Comparison| costs.planners.iter().any(|one| one.paired.pairs > 0);
         let (standings, virtual_best) = Standing::all(trials, &ranking);
         Self {
@@ -97,6 +104,7 @@ impl Evaluation {
             anytime: Anytime::all(trials),
             comparison: compared(&SOLVE_TIME),
             costs: costs.filter(some),
+            views: ViewLine::all(trials),
             ranking,
             planners,
         }

@@ -175,10 +175,10 @@ pub fn compare_with(trials: &Trials<'_>, baseline: &str, metric: &Metric) -> Opt
     let mut planners: Vec<Against> = others
         .filter(|other| other.label != baseline)
         .filter_map(|other| {
-            let pairs = pairs(trials, baseline, other.label, metric)?;
+            let pairs = pairs(trials, baseline, &other.label, metric)?;
             let left_out = trials.instances().len() - pairs.len();
             Some(Against {
-                planner: other.label.to_owned(),
+                planner: other.label.to_string(),
                 paired: Paired::of(&pairs, left_out, metric),
                 solved: Success::between(first, other),
             })

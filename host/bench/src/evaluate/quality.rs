@@ -67,7 +67,7 @@ pub fn quality_over_time(
     for case in trials.planners().iter().flat_map(|planner| &planner.cases) {
         for row in &case.repeats {
             let value = match reference {
-                Reference::LowerBound => Some(row.lower_bound_steps as f64),
+                Reference::LowerBound => row.lower_bound_steps.map(|steps| steps as f64),
                 Reference::Best => valid_plans(row).map(|(_, soc)| soc).reduce(f64::min),
             };
             let known = &mut references[case.instance];
@@ -102,7 +102,7 @@ pub fn quality_over_time(
             };
             let points = times_ms.iter().zip(ratios).map(point);
             Quality {
-                planner: planner.label.into(),
+                planner: planner.label.to_string(),
                 reference,
                 cases: planner.cases.len(),
                 points: points.filter(|_| anything).collect(),
@@ -112,12 +112,13 @@ pub fn quality_over_time(
 }
 
 /// Times and sums of costs of the plans of a trial that are known to be valid. A planner
-/// that keeps no plans on the way has one: its last.
+/// that keeps no plans on the way has one: its last. Those of views are counted in steps on grids alone, and
+/// left out.
 pub(super) fn valid_plans(row: &Row) -> impl Iterator<Item = (f64, f64)> {
     let kept = row
         .incumbents
         .iter()
-        .filter(|plan| plan.valid == Some(true));
+        .filter(|plan| plan.valid == Some(true) && row.view.is_none());
     let kept = kept.filter_map(|plan| Some((plan.time_ms, plan.soc_steps? as f64)));
     let last_ms = row
         .incumbents
@@ -125,7 +126,7 @@ pub(super) fn valid_plans(row: &Row) -> impl Iterator<Item = (f64, f64)> {
         .map_or(row.planning_time_ms, |plan| plan.time_ms);
     let last = row
         .soc_steps
-        .filter(|_| row.valid)
+        .filter(|_| row.valid && row.view.is_none())
         .map(|soc| (last_ms, soc as f64));
     kept.chain(last)
 }

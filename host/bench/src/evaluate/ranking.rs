@@ -281,7 +281,7 @@ fn ranked(planner: &Planner<'_>, shared: &[usize]) -> Ranked {
     let (successes, cases) = (planner.successes().count(), planner.cases.len());
     Ranked {
         rank: 0,
-        planner: planner.label.into(),
+        planner: planner.label.to_string(),
         successes,
         cases,
         success_rate: rate(&planner.shares()),

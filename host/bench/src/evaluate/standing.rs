@@ -101,7 +101,7 @@ impl Standing {
             }
         }
         Self {
-            planner: planner.label.into(),
+            planner: planner.label.to_string(),
             ranks: quantile(drawn, 0.025)
                 .zip(quantile(drawn, 0.975))
                 .map(|(low, high)| [low.floor() as usize, high.ceil() as usize]),
@@ -137,9 +137,11 @@ fn ratio(best: f64, cost: f64) -> f64 {
     if cost > 0.0 { best / cost } else { 1.0 }
 }
 
-/// The sum of costs of a case that succeeded: the median over its repeats.
+/// The sum of costs of a case that succeeded: the median over its repeats. Steps of a grid are no seconds in
+/// the world of a task.
 fn cost(case: &Case<'_>) -> Option<f64> {
-    case.value(super::Metric::named("soc_steps")?)
+    let mut costs = ["soc_s", "soc_steps"].into_iter();
+    costs.find_map(|column| case.value(super::Metric::named(column)?))
 }
 
 /// The virtual best of all planners on an instance.

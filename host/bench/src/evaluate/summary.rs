@@ -188,7 +188,7 @@ impl PlannerSummary {
             .collect();
         let first = planner.rows().next();
         Self {
-            planner: planner.label.into(),
+            planner: planner.label.to_string(),
             planner_id: first.map(|row| row.planner_id.clone()).unwrap_or_default(),
             versions: distinct(|row| Some(&row.planner_version)),
             digests: distinct(|row| row.planner_digest.as_ref()),

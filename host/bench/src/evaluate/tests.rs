@@ -11,7 +11,7 @@ fn row(planner: &str, instance: u64, time_ms: Option<f64>) -> Row {
         instance_digest: format!("instance {instance}"),
         map: format!("maze-{instance}"),
         agents: 1,
-        connectivity: 4,
+        connectivity: Some(4),
         maze_index: Some(instance),
         maze_width: Some(15),
         maze_height: Some(15),
@@ -403,7 +403,7 @@ fn quality_says_how_many_have_a_plan() {
     all[0].soc_steps = Some(120);
     all[1].incumbents = vec![plan(3.0, 300, true)];
     for row in &mut all {
-        row.lower_bound_steps = 100;
+        row.lower_bound_steps = Some(100);
     }
     let times = [0.5, 2.0, 4.0, 10.0];
     let found = &quality_over_time(&Trials::new(&all), Reference::LowerBound, &times)[0];

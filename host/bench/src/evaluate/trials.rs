@@ -1,10 +1,12 @@
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::{Counts, Metric, Unit};
 use crate::Row;
 use crate::statistics::{Clustered, median, sorted};
 
-/// Trials by planner and instance, repeats brought together.
+/// Trials by planner and instance, repeats brought together. A planner on a view of a task is another
+/// planner than on others, and a task is one instance on all of its views.
 #[derive(Debug, Clone)]
 pub struct Trials<'a> {
     planners: Vec<Planner<'a>>,
@@ -18,8 +20,8 @@ pub struct Trials<'a> {
 /// A planner's cases.
 #[derive(Debug, Clone)]
 pub struct Planner<'a> {
-    /// Its label in the suite.
-    pub label: &'a str,
+    /// Its label in the suite; of a view of a task, with the label of the view.
+    pub label: Cow<'a, str>,
     /// In the order of instances, at most one for each.
     pub cases: Vec<Case<'a>>,
 }
@@ -54,7 +56,7 @@ impl<'a> Trials<'a> {
         let mut planner_numbers = BTreeMap::new();
         let mut cases: BTreeMap<(usize, usize), Vec<&Row>> = BTreeMap::new();
         for row in rows {
-            let question = (&row.instance_digest, row.seed, row.budget_ms.to_bits());
+            let question = (row.question(), row.seed, row.budget_ms.to_bits());
             let instance = *instance_numbers.entry(question).or_insert_with(|| {
                 let next = cluster_numbers.len();
                 let cluster = (unit.of(row), unit.seed_of(row));
@@ -64,8 +66,8 @@ impl<'a> Trials<'a> {
                 instances.push(row);
                 instances.len() - 1
             });
-            let label = row.planner.as_str();
-            let planner = *planner_numbers.entry(label).or_insert_with(|| {
+            let label = row.entrant();
+            let planner = *planner_numbers.entry(label.clone()).or_insert_with(|| {
                 let cases = Vec::new();
                 planners.push(Planner { label, cases });
                 planners.len() - 1

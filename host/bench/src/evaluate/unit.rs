@@ -56,7 +56,7 @@ impl Unit {
             },
         ];
         match self {
-            Self::Instances => vec![&row.instance_digest],
+            Self::Instances => vec![row.question()],
             Self::Scenarios => [&map[..], &[&row.scenario]].concat(),
             Self::Maps => map.to_vec(),
         }

@@ -5,7 +5,7 @@ use fleetyard_core::InputError;
 
 use super::ExportError;
 use super::columns::{INCUMBENTS, Plan, field, plans};
-use crate::failure::INVALID_PLAN;
+use crate::failure::is_invalid;
 use crate::{COLUMNS, Column, ColumnType, Row, Value};
 
 /// The columns of the maze paper's file, in its order, with ours that they are; the
@@ -76,7 +76,7 @@ fn why(row: &Row) -> String {
     };
     // What is wrong with a plan is no detail of another reason.
     let violation = row.first_violation.as_ref();
-    let violation = violation.filter(|_| reason == INVALID_PLAN);
+    let violation = violation.filter(|_| is_invalid(&reason));
     let details = [violation, row.message.as_ref(), row.fault.as_ref()];
     let detail = details.into_iter().flatten().find(|text| !text.is_empty());
     detail.map_or_else(|| reason.clone(), |detail| format!("{reason}: {detail}"))

@@ -196,9 +196,9 @@ fn experiments<'a>(
         let setup = format!(
             "map = {}\nrows = {}\ncolumns = {}\nconnectivity = {}\nscenario = {}\nagents = {}\ninstance = {}\n",
             row.map,
-            row.map_rows,
-            row.map_cols,
-            row.connectivity,
+            number_of(row.map_rows),
+            number_of(row.map_cols),
+            number_of(row.connectivity),
             row.scenario,
             row.agents,
             row.instance_digest
@@ -220,6 +220,11 @@ fn experiments<'a>(
         known.insert(question, connection.last_insert_rowid());
     }
     Ok(known)
+}
+
+/// A number of a grid; a roadmap has none.
+fn number_of(number: Option<u32>) -> String {
+    number.map_or_else(|| "none".to_owned(), |number| number.to_string())
 }
 
 /// Such as `2026-02-26 12:00:00`, in UTC.

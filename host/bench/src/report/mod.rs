@@ -101,10 +101,11 @@ impl<'a> Report<'a> {
         story::caveats(&self.trials, &self.evaluation)
     }
 
-    /// Ranking, standings, means over what all solved, plans on the way, paired comparisons of times and
+    /// Views of tasks if there are any, ranking, standings, means over what all solved, plans on the way, paired comparisons of times and
     /// of costs, how rankings agree where instances differ, and failures, if there are any.
     pub fn tables(&self) -> Vec<Table> {
-        let mut tables = vec![table::ranking(&self.evaluation)];
+        let mut tables = Vec::from_iter(table::views(&self.evaluation));
+        tables.push(table::ranking(&self.evaluation));
         tables.extend(table::standings(&self.evaluation));
         tables.extend(table::shared(&self.evaluation));
         tables.extend(table::anytime(&self.evaluation));
@@ -125,7 +126,7 @@ impl<'a> Report<'a> {
     /// Labels of planners in the suite's order.
     pub fn planners(&self) -> Vec<&str> {
         let planners = self.trials.planners().iter();
-        planners.map(|planner| planner.label).collect()
+        planners.map(|planner| &*planner.label).collect()
     }
 
     /// All that have something to show.

@@ -52,6 +52,10 @@ struct Data<'a> {
     colors: [&'static str; COLORS.len()],
     /// Every planner against each of the others, by the rank of the latter.
     paired: Vec<PairedTable>,
+    /// Of each trial the name of its planner in tables: with that of the view, of a task.
+    entrants: Packed,
+    /// Of each trial the digest of its task, or else of its instance.
+    questions: Packed,
     /// Of each trial the number of its cluster.
     clusters: Packed,
     /// Of each trial the number of its map.
@@ -184,6 +188,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
         metrics: METRICS.iter().map(Quantity::of).collect(),
         colors: COLORS,
         paired: paired_tables(report, &planners),
+        entrants: pack_words("entrant", rows.iter().map(|row| row.entrant().into_owned())),
+        questions: pack_words("question", rows.iter().map(|row| row.question().to_owned())),
         clusters: pack_numbers("clusters", &clusters),
         maps: pack_numbers("maps", &maps),
         ranks: ranks(report, &planners),
@@ -243,9 +249,10 @@ fn stability(report: &Report<'_>) -> String {
     table.map_or(String::new(), |table| fixed("stability", &table))
 }
 
-/// Success, time and quality of all trials, and plans on the way, if there are any.
+/// Views of tasks, success, time and quality of all trials, and plans on the way, if there are any.
 fn standings(report: &Report<'_>) -> String {
     let tables = [
+        ("views", table::views(&report.evaluation)),
         ("standings", table::standings(&report.evaluation)),
         ("shared", table::shared(&report.evaluation)),
         ("anytime", table::anytime(&report.evaluation)),

@@ -321,7 +321,7 @@ fn yardstick(trials: &Trials<'_>, evaluation: &Evaluation) -> Option<String> {
         .planners()
         .iter()
         .min_by_key(|planner| solved(planner))?;
-    let others = trials.rows().filter(|row| row.planner != weakest.label);
+    let others = trials.rows().filter(|row| row.entrant() != weakest.label);
     let without = Trials::new(others).shared().len();
     (trials.planners().len() > 2 && shared < instances && without > shared).then(|| {
         format!(
@@ -415,7 +415,7 @@ fn transport(trials: &Trials<'_>, evaluation: &Evaluation) -> Option<String> {
         Some(1.0 - claimed / row.solve_time_ms)
     };
     let of = |planner: &str| {
-        let rows = trials.rows().filter(|row| row.planner == planner);
+        let rows = trials.rows().filter(|row| row.entrant() == planner);
         quantile(&sorted(rows.filter_map(share)), 0.5)
     };
     let named: Vec<String> = (evaluation.planners.iter())

@@ -4,7 +4,7 @@ use super::format::{NONE, capital, digits, fixed, grouped, percent, probability}
 use crate::evaluate::{
     Against, COMPARED, Comparison, EXPANSIONS, Evaluation, GAPS, METRICS, Metric, PARTS,
     PATH_LENGTH, PlannerSummary, RankStability, Ranked, RunComparison, SOLVE_TIME, Standing,
-    Success, Trials, censored, compare_with,
+    Success, Trials, ViewLine, censored, compare_with,
 };
 use crate::statistics::{Interval, Posterior};
 
@@ -64,6 +64,57 @@ fn three(value: f64) -> String {
 pub(super) fn plural(count: usize, word: &str) -> String {
     let end = if count == 1 { "" } else { "s" };
     format!("{} {word}{end}", grouped(count as u64))
+}
+
+/// Planners on views beside the best plans in the plane; nothing where no trial is of a view.
+pub(super) fn views(evaluation: &Evaluation) -> Option<Table> {
+    let compared = evaluation.views.iter().any(|line| line.compared > 0);
+    let reference = if compared {
+        " 100 % is the plan in the plane with the least sum of arrivals; ratios are means over the cases that \
+         the planner and one in the plane solved, of which the last column has the number."
+    } else {
+        " No planner in the plane solved a case that another one solved: there is no 100 %."
+    };
+    let note = format!(
+        "Solved: the plan keeps the rules of its view and is valid by footprints in the world of the task. Only \
+         by rules: trials whose plan is valid on the view alone. Costs are means over the solved cases, times \
+         are medians.{reference}"
+    );
+    let head = [
+        ("Agents", false),
+        ("View", true),
+        ("Planner", true),
+        ("Solved", false),
+        ("Only by rules", false),
+        ("Length, m", false),
+        ("SoC, s", false),
+        ("Makespan, s", false),
+        ("Time, ms", false),
+        ("Length", false),
+        ("SoC", false),
+        ("Makespan", false),
+        ("Compared", false),
+    ];
+    let mut table = Table::new("Views", note, &head);
+    for line in &evaluation.views {
+        let ViewLine { means, ratios, .. } = line;
+        table.rows.push(vec![
+            line.agents.to_string(),
+            line.view.clone(),
+            line.planner.clone(),
+            format!("{}/{}", line.solved, line.cases),
+            line.invalid_in_world.to_string(),
+            digits(means.length_m),
+            digits(means.soc_s),
+            digits(means.makespan_s),
+            digits(line.solve_time_ms),
+            percent(ratios.length_m),
+            percent(ratios.soc_s),
+            percent(ratios.makespan_s),
+            line.compared.to_string(),
+        ]);
+    }
+    (!table.rows.is_empty()).then(|| table.without_empty())
 }
 
 /// Table III of the maze paper.

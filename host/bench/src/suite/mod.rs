@@ -9,6 +9,7 @@ mod instance;
 mod read;
 pub(crate) mod sets;
 pub(crate) mod settings;
+mod view;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -24,9 +25,10 @@ use serde_json::{Map, Value};
 use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
-pub use instance::{MazeOrigin, Origin, SuiteInstance};
+pub use instance::{MazeOrigin, Origin, Question, SuiteInstance};
 use sets::InstanceSet;
 pub(crate) use sets::{Source, Sources};
+pub use view::{AskedView, SuiteView};
 
 /// The largest suite file that is read, in bytes.
 pub const SUITE_LIMIT: u64 = 1 << 20;
@@ -301,10 +303,10 @@ impl Suite {
     }
 
     /// Every instance, in the order of the file: set by set; in a set by map or maze, then
-    /// scenario, then connectivity, then team size.
+    /// scenario, then connectivity, then team size; of tasks by task, then view, then team size.
     ///
-    /// Scenarios and maps are read here, mazes and generated maps are made when they
-    /// are asked for ([`SuiteInstance::grid_instance`]); of each set one is made here, so that
+    /// Scenarios, maps and tasks are read here, mazes and generated maps are made and views are derived
+    /// when they are asked for ([`SuiteInstance::question`]); of each set one is made here, so that
     /// what cannot be made is found.
     pub fn instances(&self) -> Result<Vec<SuiteInstance>, InputError> {
         Ok(self.instances_and_sources()?.0)

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::hash::Hash;
 use std::path::Path;
 
+use fleetyard_check::PathRule;
 use fleetyard_core::document::{self, Fault, Setting, Value, not_empty, text};
 use fleetyard_core::{Connectivity, InputError, is_unseen, shown};
 use fleetyard_runtime::Attach;
@@ -16,8 +17,8 @@ use crate::options::BudgetOptions;
 
 use super::fleet::{self, Around};
 use super::sets::{Generated, InstanceSet, Kind, Mazes, Numbers, SeriesSeeds, Teams};
-use super::settings;
-use super::{MOST_INSTANCES, Named, PlannerSetup, Protocol, Suite};
+use super::{Clock, MOST_INSTANCES, Named, PlannerSetup, Protocol, Suite};
+use super::{settings, view};
 
 const MOST_AGENTS: u64 = 1 << 24;
 
@@ -143,6 +144,7 @@ pub(super) fn suite(
         let head: Head = root.clone().apart(&tables).read()?;
         let lifelong = root.get("fleet").is_some();
         let protocol = root.optional("protocol", |table| protocol(table, lifelong))?;
+        let protocol = protocol.unwrap_or_default();
         let sandbox = root.optional("sandbox", |table| settings::sandbox(table, paths))?;
         let execution = root.get("execution");
         let (config, robots) = match &execution {
@@ -153,27 +155,50 @@ pub(super) fn suite(
             fleet: root.get("fleet"),
             budget: &head.budget,
             config: &config,
-            step_given: execution.is_some_and(|table| table.get("step_s").is_some()),
+            step_given: execution
+                .as_ref()
+                .is_some_and(|table| table.get("step_s").is_some()),
             paths,
         };
         let planners = planners(&root.require("planner")?, &around)?;
         let sets = some(&root.require("instances")?)?;
-        let sets = sets.iter().map(|set| instance_set(set, lifelong, paths));
+        let sets = sets.iter();
+        let sets = sets.map(|set| instance_set(set, lifelong, &protocol, paths));
+        let sets: Vec<InstanceSet> = sets.collect::<Result<_, _>>()?;
+        if let Some(table) = execution.filter(|_| sets.iter().all(InstanceSet::is_of_tasks)) {
+            of_tasks(&table)?;
+        }
         Ok(Suite {
             name: head.name,
             description: head.description,
             text: text.to_owned(),
-            protocol: protocol.unwrap_or_default(),
+            protocol,
             budget: head.budget,
             sandbox: sandbox.unwrap_or_default(),
             robots,
             planners,
-            sets: sets.collect::<Result<_, _>>()?,
+            sets,
             place: root.place(),
             normal: root.read()?,
             config,
         })
     })
+}
+
+/// Refuses keys of `[execution]` that a task says by itself.
+fn of_tasks(execution: &Value<'_>) -> Result<(), InputError> {
+    let own = ["model", "fleet", "radius_m", "cell_size_m", "step_s"];
+    match own.into_iter().find_map(|key| execution.get(key)) {
+        None => Ok(()),
+        Some(value) => {
+            let reason = format!(
+                "`{}` is not for tasks, which name their worlds and robots",
+                value.key()
+            );
+            let hint = "leave it out; a view of a grid has a `step`";
+            Err(value.error(reason).hint(hint))
+        }
+    }
 }
 
 fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
@@ -260,12 +285,16 @@ struct PlannerTable {
 }
 
 fn label<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    label_text(deserializer).map(Some)
+}
+
+fn label_text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     text(deserializer, "", |label| {
         if not_empty(label)?.contains(is_unseen) || label.chars().count() > 100 {
             let fault = Fault::new(format!("\"{}\" cannot be a label", shown(label)));
             return Err(fault.hint("it is one line of at most 100 characters"));
         }
-        Ok(Some(label.trim().to_owned()))
+        Ok(label.trim().to_owned())
     })
 }
 
@@ -296,6 +325,14 @@ fn planners(value: &Value<'_>, around: &Around<'_>) -> Result<Vec<PlannerSetup>,
     Ok(planners)
 }
 
+/// The label of a table with several keys.
+pub(super) fn label_of(table: &Value<'_>) -> Result<Option<String>, InputError> {
+    table.optional("label", |label| label.read().map(|Label(text)| text))
+}
+
+#[derive(Deserialize)]
+struct Label(#[serde(deserialize_with = "label_text")] String);
+
 /// The plugin's identifier or the stem of its file, and its options.
 fn default_label(plugin: &str, options: &Map<String, Json>) -> String {
     let (path, id) = match plugin.rsplit_once(':') {
@@ -303,9 +340,13 @@ fn default_label(plugin: &str, options: &Map<String, Json>) -> String {
         _ => (plugin, None),
     };
     let stem = Path::new(path).file_stem().and_then(|stem| stem.to_str());
-    let name = id.or(stem).unwrap_or(plugin);
+    said(id.or(stem).unwrap_or(plugin), options)
+}
+
+/// A name with the values that are given beside it.
+pub(super) fn said(name: &str, values: &Map<String, Json>) -> String {
     let mut label = name.to_owned();
-    for (key, value) in options {
+    for (key, value) in values {
         let value = match value {
             Json::String(text) => text.clone(),
             other => other.to_string(),
@@ -323,9 +364,27 @@ enum TooManyAgents {
     Skip,
 }
 
+/// The treatment of views that cannot be derived from a task.
+#[derive(PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum NoView {
+    Refuse,
+    Fail,
+}
+
+/// Neighbours of a cell by their number.
+pub(super) fn connectivity(value: &Value<'_>) -> Result<Connectivity, InputError> {
+    match value.read::<i64>()? {
+        4 => Ok(Connectivity::Four),
+        8 => Ok(Connectivity::Eight),
+        _ => Err(value.error("grids have 4 or 8 neighbours")),
+    }
+}
+
 fn instance_set(
     table: &Value<'_>,
     lifelong: bool,
+    protocol: &Protocol,
     paths: &Paths<'_>,
 ) -> Result<InstanceSet, InputError> {
     table.only(&[
@@ -333,12 +392,15 @@ fn instance_set(
         "map",
         "maze",
         "generate",
+        "task",
+        "views",
+        "no_view",
         "agents",
         "too_many_agents",
         "connectivity",
     ])?;
     let kinds: &[&str] = if lifelong {
-        for key in ["scen", "maze", "connectivity", "too_many_agents"] {
+        for key in ["scen", "maze", "task", "connectivity", "too_many_agents"] {
             if let Some(value) = table.get(key) {
                 let reason = format!("`{key}` is not for fleets, whose starts and goals are drawn");
                 let hint = "name maps: `map = [\"hall.map\"]` and `agents = [50, 100]`";
@@ -347,7 +409,7 @@ fn instance_set(
         }
         &["map", "generate"]
     } else {
-        &["scen", "maze", "generate"]
+        &["scen", "maze", "generate", "task"]
     };
     let given: Vec<Value<'_>> = kinds.iter().filter_map(|kind| table.get(kind)).collect();
     let source = match given.as_slice() {
@@ -356,7 +418,7 @@ fn instance_set(
             let hint = if lifelong {
                 "write `map = […]` or `generate = { … }`"
             } else {
-                "write `scen = […]`, `maze = { … }` or `generate = { … }`"
+                "write `scen = […]`, `maze = { … }`, `generate = { … }` or `task = […]`"
             };
             return Err(table.error("the instances have no source").hint(hint));
         }
@@ -367,19 +429,28 @@ fn instance_set(
                 .hint("write another [[instances]] for it"));
         }
     };
-    let is_files = source.key() == "scen";
-    let connectivity = table.optional("connectivity", |value| {
-        distinct(value, |item| match item.read::<i64>()? {
-            4 => Ok(Connectivity::Four),
-            8 => Ok(Connectivity::Eight),
-            _ => Err(item.error("grids have 4 or 8 neighbours")),
-        })
-    })?;
-    for (key, reason) in [
-        ("too_many_agents", "`too_many_agents` belongs to `scen`"),
-        ("map", "`map` says where the maps of `scen` are"),
+    let moves = table.optional("connectivity", |value| distinct(value, connectivity))?;
+    let (of_scen, of_task) = (source.key() == "scen", source.key() == "task");
+    for (key, fits, reason) in [
+        (
+            "too_many_agents",
+            of_scen || of_task,
+            "`too_many_agents` belongs to `scen` and `task`",
+        ),
+        ("map", of_scen, "`map` says where the maps of `scen` are"),
+        ("views", of_task, "`views` are those of a `task`"),
+        (
+            "no_view",
+            of_task,
+            "`no_view` is about the views of a `task`",
+        ),
+        (
+            "connectivity",
+            !of_task,
+            "`connectivity` belongs to the view of a task that is a grid",
+        ),
     ] {
-        if let Some(value) = table.get(key).filter(|_| !is_files && source.key() != key) {
+        if let Some(value) = table.get(key).filter(|_| !fits && source.key() != key) {
             return Err(value.error(reason));
         }
     }
@@ -408,6 +479,30 @@ fn instance_set(
             }
             None => Kind::Mazes(mazes(source)?),
         },
+        "task" => {
+            for (fits, reason, hint) in [
+                (
+                    protocol.path_rule == PathRule::Steps,
+                    "another path rule than `steps` is for grids with one agent",
+                    "leave out `path_rule` in [protocol], or the task",
+                ),
+                (
+                    protocol.clock != Clock::LessEmpty,
+                    "empty calls, which the clock `call` leaves out, are made on maps alone",
+                    "write another `clock` in [protocol], or leave out the task",
+                ),
+            ] {
+                if !fits {
+                    return Err(source.error(reason).hint(hint));
+                }
+            }
+            let no_view: Option<NoView> = table.optional("no_view", Value::read)?;
+            Kind::Tasks {
+                tasks: paths.paths(source)?,
+                views: view::views(&table.require("views")?)?,
+                may_lack: no_view == Some(NoView::Fail),
+            }
+        }
         // How many agents there are is for the suite to say.
         other => {
             table.require("agents")?;
@@ -420,7 +515,7 @@ fn instance_set(
     Ok(InstanceSet {
         kind,
         teams,
-        connectivity: connectivity.unwrap_or_else(|| vec![Connectivity::Four]),
+        connectivity: moves.unwrap_or_else(|| vec![Connectivity::Four]),
         lifelong,
         place: table.place(),
     })

@@ -12,10 +12,11 @@ use fleetyard_core::{
     Connectivity, Digest, Grid, GridInstance, Hasher, InputError, SCEN_FILE_LIMIT, find_map,
     load_map, read_file, read_scen,
 };
+use fleetyard_views::{Problem, Task, load_problem, load_task};
 use fleetyard_world::{MapSpec, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec, ScenarioSpec};
 
 use super::instance::{MazeOrigin, Origin, SuiteInstance};
-use super::{MOST_INSTANCES, Named};
+use super::{MOST_INSTANCES, Named, SuiteView};
 
 /// Numbers of a suite file, all different.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,28 +78,36 @@ pub(super) struct InstanceSet {
 impl InstanceSet {
     /// The files and folders that it names, with wildcards as they are.
     pub(super) fn named(&self) -> Vec<PathBuf> {
-        let (named, maps) = match &self.kind {
-            Kind::Files { files, maps } => (files.as_slice(), maps.as_slice()),
-            Kind::Maps(maps) => (maps.as_slice(), &[][..]),
-            Kind::Mazes(_) | Kind::Generated(_) => (&[][..], &[][..]),
-        };
+        let (named, maps) = self.kind.named();
         let named = named.iter().map(|named| named.path.clone());
         named.chain(maps.iter().cloned()).collect()
     }
 
     /// The files that it names; a folder of maps may hold anything.
     pub(super) fn files(&self) -> Result<Vec<PathBuf>, InputError> {
-        let (named, maps) = match &self.kind {
-            Kind::Files { files, maps } => (files.as_slice(), maps.as_slice()),
-            Kind::Maps(maps) => (maps.as_slice(), &[][..]),
-            Kind::Mazes(_) | Kind::Generated(_) => (&[][..], &[][..]),
-        };
+        let (named, maps) = self.kind.named();
         let mut files: Vec<PathBuf> = maps.iter().filter(|map| map.is_file()).cloned().collect();
         for named in named {
-            files.extend(expand(named)?);
+            for file in expand(named)? {
+                if self.is_of_tasks() {
+                    files.extend(files_of(&load_task(&file)?, &file));
+                }
+                files.push(file);
+            }
         }
         Ok(files)
     }
+
+    /// True if its instances are views of tasks.
+    pub(super) fn is_of_tasks(&self) -> bool {
+        matches!(self.kind, Kind::Tasks { .. })
+    }
+}
+
+/// The files that a task names; `path` is its own.
+fn files_of(task: &Task, path: &Path) -> Vec<PathBuf> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    task.files().map(|file| folder.join(file)).collect()
 }
 
 /// The bases of a set.
@@ -115,6 +124,24 @@ pub(super) enum Kind {
     Mazes(Mazes),
     /// Maps that are made, and scenarios of random starts and goals on them.
     Generated(Generated),
+    /// Tasks, and the views of each that planners are asked.
+    Tasks {
+        tasks: Vec<Named>,
+        views: Vec<SuiteView>,
+        /// Trials of a view that cannot be derived fail, rather than the suite be refused.
+        may_lack: bool,
+    },
+}
+
+impl Kind {
+    /// Files with starts and goals or maps of fleets, with wildcards, and where maps are.
+    fn named(&self) -> (&[Named], &[PathBuf]) {
+        match self {
+            Self::Files { files, maps } => (files, maps),
+            Self::Maps(named) | Self::Tasks { tasks: named, .. } => (named, &[]),
+            Self::Mazes(_) | Self::Generated(_) => (&[], &[]),
+        }
+    }
 }
 
 /// Series of mazes: every size by every algorithm with every seed.
@@ -196,6 +223,34 @@ pub(super) struct Loaded {
     pub(super) instance: Arc<GridInstance>,
 }
 
+/// A task that was read, with the largest team.
+#[derive(Debug)]
+pub(super) struct LoadedTask {
+    pub(super) path: PathBuf,
+    /// Files that it names.
+    pub(super) others: Vec<PathBuf>,
+    pub(super) problem: Problem,
+    pub(super) agents: usize,
+}
+
+/// Tasks with their views: a base is a view of a task.
+#[derive(Debug)]
+pub(super) struct Tasks {
+    pub(super) files: Vec<LoadedTask>,
+    pub(super) views: Vec<SuiteView>,
+    /// Trials of a view that cannot be derived fail, rather than the suite be refused.
+    pub(super) may_lack: bool,
+}
+
+impl Tasks {
+    /// Task and view of a base, view by view.
+    pub(super) fn get(&self, base: u64) -> (&LoadedTask, &SuiteView) {
+        let views = self.views.len();
+        let base = base as usize;
+        (&self.files[base / views], &self.views[base % views])
+    }
+}
+
 /// The way in which the bases of a set are made. A base is an instance of the largest team; smaller
 /// teams are its first agents.
 #[derive(Debug)]
@@ -203,6 +258,7 @@ pub(super) enum Recipe {
     Loaded(Vec<Loaded>),
     /// Maps, whose agents are drawn while a fleet drives.
     Maps(Vec<(PathBuf, Arc<Grid>)>),
+    Tasks(Tasks),
     Made {
         made: Made,
         /// The one that was made last: its instances follow each other.
@@ -348,6 +404,7 @@ impl Recipe {
         match self {
             Self::Loaded(loaded) => Some(loaded.len() as u64),
             Self::Maps(maps) => Some(maps.len() as u64),
+            Self::Tasks(all) => (all.files.len() as u64).checked_mul(all.views.len() as u64),
             Self::Made { made, .. } => made.bases(),
         }
     }
@@ -356,6 +413,7 @@ impl Recipe {
     fn team(&self, base: u64) -> Option<usize> {
         match self {
             Self::Loaded(loaded) => Some(loaded[base as usize].instance.agents()),
+            Self::Tasks(tasks) => Some(tasks.get(base).0.agents),
             Self::Maps(_) | Self::Made { .. } => None,
         }
     }
@@ -364,6 +422,7 @@ impl Recipe {
         match self {
             Self::Loaded(loaded) => Ok(Arc::clone(&loaded[base as usize].instance)),
             Self::Maps(_) => Err(InputError::new("map", "a map alone is no instance")),
+            Self::Tasks(_) => Err(InputError::new("task", "a task is no instance on a grid")),
             Self::Made { made, latest } => {
                 let mut latest = latest.lock().unwrap_or_else(PoisonError::into_inner);
                 match &*latest {
@@ -386,8 +445,37 @@ impl Recipe {
         }
     }
 
-    pub(super) fn origin(&self, base: u64) -> Origin {
+    /// Task and view of a base, if it is one.
+    pub(super) fn view(&self, base: u64) -> Option<(&LoadedTask, &SuiteView)> {
         match self {
+            Self::Tasks(tasks) => Some(tasks.get(base)),
+            _ => None,
+        }
+    }
+
+    /// True if trials of a view that cannot be derived fail, rather than the suite be refused.
+    pub(super) fn may_lack(&self) -> bool {
+        matches!(self, Self::Tasks(tasks) if tasks.may_lack)
+    }
+
+    pub(super) fn origin(&self, base: u64) -> Origin {
+        let named = |path: &Path| {
+            let file = path.file_name().unwrap_or(path.as_os_str());
+            file.to_string_lossy().into_owned()
+        };
+        match self {
+            Self::Tasks(tasks) => {
+                let LoadedTask { path, problem, .. } = tasks.get(base).0;
+                let scenario = named(path);
+                Origin {
+                    map: match problem.task.name.as_str() {
+                        "" => scenario.clone(),
+                        name => name.to_owned(),
+                    },
+                    scenario,
+                    maze: None,
+                }
+            }
             Self::Maps(maps) => Origin {
                 map: maps[base as usize].1.name().to_owned(),
                 scenario: String::new(),
@@ -395,10 +483,9 @@ impl Recipe {
             },
             Self::Loaded(loaded) => {
                 let Loaded { path, instance, .. } = &loaded[base as usize];
-                let file = path.file_name().unwrap_or(path.as_os_str());
                 Origin {
                     map: instance.grid().name().to_owned(),
-                    scenario: file.to_string_lossy().into_owned(),
+                    scenario: named(path),
                     maze: None,
                 }
             }
@@ -413,7 +500,7 @@ impl Recipe {
                 let Loaded { path, map, .. } = &loaded[base as usize];
                 Some([map.as_deref()?, path])
             }
-            Self::Maps(_) | Self::Made { .. } => None,
+            Self::Maps(_) | Self::Tasks(_) | Self::Made { .. } => None,
         }
     }
 
@@ -424,6 +511,10 @@ impl Recipe {
             Self::Loaded(loaded) => {
                 let Loaded { path, map, .. } = &loaded[base as usize];
                 map.iter().chain([path]).map(PathBuf::as_path).collect()
+            }
+            Self::Tasks(tasks) => {
+                let LoadedTask { path, others, .. } = tasks.get(base).0;
+                others.iter().chain([path]).map(PathBuf::as_path).collect()
             }
             Self::Made { .. } => Vec::new(),
         }
@@ -440,6 +531,11 @@ impl Recipe {
             Self::Loaded(loaded) => {
                 let path = &loaded[base as usize].path;
                 hasher.bytes(path.as_os_str().as_encoded_bytes());
+            }
+            Self::Tasks(tasks) => {
+                let (task, view) = tasks.get(base);
+                hasher.bytes(task.path.as_os_str().as_encoded_bytes());
+                view.hash(&mut hasher);
             }
             Self::Made { made, .. } => match made {
                 Made::Mazes(mazes) => {
@@ -468,11 +564,11 @@ pub(crate) struct Sources {
     pub(crate) made: bool,
     /// True if the set says where the maps of its scenarios are.
     pub(crate) maps_named: bool,
-    /// Scenarios, or the maps of fleets.
+    /// Scenarios, tasks, or the maps of fleets.
     pub(crate) files: Vec<Source>,
 }
 
-/// A file with starts and goals, or the map of a fleet.
+/// A file with starts and goals, a task, or the map of a fleet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Source {
     pub(crate) file: PathBuf,
@@ -506,6 +602,23 @@ impl InstanceSet {
                 }
                 Recipe::Maps(loaded)
             }
+            Kind::Tasks {
+                tasks,
+                views,
+                may_lack,
+            } => {
+                let mut loaded = Vec::new();
+                for task in tasks {
+                    for path in expand(task)? {
+                        loaded.extend(self.load_task(task, path)?);
+                    }
+                }
+                Recipe::Tasks(Tasks {
+                    files: loaded,
+                    views: views.clone(),
+                    may_lack: *may_lack,
+                })
+            }
             Kind::Mazes(mazes) => Recipe::made(Made::Mazes(mazes.clone())),
             Kind::Generated(generated) => {
                 let most = self.teams.as_ref().map_or(0, |teams| teams.sizes.max());
@@ -522,6 +635,44 @@ impl InstanceSet {
             set: self,
             recipe: Arc::new(recipe),
         })
+    }
+
+    /// The largest team that is asked for of a file with so many agents; nothing if all are larger, and
+    /// that is allowed.
+    fn most(&self, source: &str, has: usize) -> Result<Option<usize>, InputError> {
+        let Some(teams) = &self.teams else {
+            return Ok(Some(has));
+        };
+        let fits = |size: &u64| *size <= has as u64;
+        match teams.sizes.iter().find(|size| !fits(size)) {
+            Some(size) if !teams.skip => {
+                let reason = format!("{size} agents asked for, but {source} has {has}");
+                let hint =
+                    format!("ask for at most {has} agents, or write `too_many_agents = \"skip\"`");
+                Err(teams.place.error(reason).hint(hint))
+            }
+            _ => {
+                let most = teams.sizes.iter().filter(fits).max();
+                Ok(most.map(|most| most as usize))
+            }
+        }
+    }
+
+    /// A task with the largest team that is asked for; nothing if all are larger than it has, and that is
+    /// allowed.
+    fn load_task(&self, named: &Named, path: PathBuf) -> Result<Option<LoadedTask>, InputError> {
+        let blamed = |error| named.place.error_in_file(error);
+        let problem = load_problem(&path).map_err(blamed)?;
+        let has = problem.task.agents.len();
+        let Some(agents) = self.most(&path.display().to_string(), has)? else {
+            return Ok(None);
+        };
+        Ok(Some(LoadedTask {
+            others: files_of(&problem.task, &path),
+            path,
+            problem,
+            agents,
+        }))
     }
 
     /// The instance of a file with the largest team that is asked for; nothing if all are
@@ -555,25 +706,8 @@ impl InstanceSet {
             let hint = format!("formats that have them are {}", known.join(", "));
             file.place.error(reason).hint(hint)
         })?;
-        let agents = match &self.teams {
-            None => has,
-            Some(teams) => {
-                let fits = |size: &u64| *size <= has as u64;
-                match teams.sizes.iter().find(|size| !fits(size)) {
-                    Some(size) if !teams.skip => {
-                        let reason = format!("{size} agents asked for, but {source} has {has}");
-                        let hint = format!(
-                            "ask for at most {has} agents, or write `too_many_agents = \"skip\"`"
-                        );
-                        return Err(teams.place.error(reason).hint(hint));
-                    }
-                    _ => {}
-                }
-                match teams.sizes.iter().filter(fits).max() {
-                    Some(most) => most as usize,
-                    None => return Ok(None),
-                }
-            }
+        let Some(agents) = self.most(&source, has)? else {
+            return Ok(None);
         };
         let (map, grid) = if let Some(grid) = parts.grid() {
             (None, grid)
@@ -667,6 +801,11 @@ impl FoundSet<'_> {
                 file: file.clone(),
                 map: None,
                 others: Vec::new(),
+            })),
+            Recipe::Tasks(all) => found.extend(all.files.iter().map(|task| Source {
+                file: task.path.clone(),
+                map: None,
+                others: task.others.clone(),
             })),
             Recipe::Made { .. } => {}
         }

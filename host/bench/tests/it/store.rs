@@ -103,16 +103,19 @@ fn what_a_suite_no_longer_asks_is_kept_apart() {
             key: "key 3",
             trial: 0,
             planner: "B",
+            view: Some("wide"),
         },
         Asked {
             key: "key 1",
             trial: 1,
             planner: "A",
+            view: None,
         },
         Asked {
             key: "key 9",
             trial: 2,
             planner: "A",
+            view: None,
         },
     ];
     let new = Meta {
@@ -121,17 +124,16 @@ fn what_a_suite_no_longer_asks_is_kept_apart() {
     };
     store.adopt(&new, asked).unwrap();
     assert_eq!(store.meta().unwrap(), new);
-    let keys: Vec<(String, u64, String)> = store
-        .rows()
-        .unwrap()
-        .into_iter()
-        .map(|row| (row.key, row.trial, row.planner))
+    let rows = store.rows().unwrap();
+    let told: Vec<(&str, u64, String)> = rows
+        .iter()
+        .map(|row| (row.key.as_str(), row.trial, row.entrant().into_owned()))
         .collect();
     assert_eq!(
-        keys,
+        told,
         [
-            ("key 3".into(), 0, "B".into()),
-            ("key 1".into(), 1, "A".into())
+            ("key 3", 0, "B on wide".to_owned()),
+            ("key 1", 1, "A".to_owned())
         ]
     );
     assert_eq!(store.counts().unwrap(), (2, 2));
@@ -141,6 +143,7 @@ fn what_a_suite_no_longer_asks_is_kept_apart() {
         key: &row.key,
         trial: row.trial,
         planner: &row.planner,
+        view: row.view.as_deref(),
     });
     store.adopt(&meta(), asked).unwrap();
     assert_eq!(store.rows().unwrap(), all);

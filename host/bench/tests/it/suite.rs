@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use fleetyard_bench::suite::{Suite, SuiteInstance, load_suite};
+use fleetyard_bench::suite::{Question, Suite, SuiteInstance, load_suite};
 use fleetyard_bench::{BudgetOptions, Robots};
 use fleetyard_core::document::Setting;
-use fleetyard_core::{Connectivity, InputError};
+use fleetyard_core::{Connectivity, InputError, Separation};
 use fleetyard_testkit::each;
 
 /// Reads a suite whose paths are relative to the folder of the repository's own maps.
@@ -56,6 +56,7 @@ fn scenarios_by_team_size_and_connectivity() {
     let large = instances[0].grid_instance().unwrap();
     let small = instances[3].grid_instance().unwrap();
     assert_eq!(small.connectivity(), Connectivity::Eight);
+    assert_eq!(instances[3].connectivity(), Some(Connectivity::Eight));
     assert_eq!(small.starts(), &large.starts()[..10]);
     assert!(std::sync::Arc::ptr_eq(small.grid(), large.grid()));
     assert_eq!(instances[3].digest().unwrap(), small.digest());
@@ -526,6 +527,10 @@ fn faults_of_a_suite_have_places_and_hints() {
             with(&format!("{scen}\nconnectivity = 6")),
             "s.toml:6:16: grids have 4 or 8 neighbours",
         ),
+        (
+            with(&format!("{scen}\nviews = [\"grid\"]")),
+            "s.toml:6:9: `views` are those of a `task`",
+        ),
     ];
     let wrong: Vec<String> = cases
         .iter()
@@ -546,6 +551,187 @@ fn a_suite_on_the_command_line_is_blamed_there() {
     );
     let suite = read_with(&text, &["budget.wall=2s", "protocol.clock=call"]).unwrap();
     assert_eq!(suite.budget.wall.as_secs(), 2);
+}
+
+const ROOMS: &str = "task = \"two-rooms.task.json\"\n";
+
+#[test]
+fn tasks_by_view_and_team_size() {
+    let views = r#"views = ["grid", "S", "continuous",
+        { representation = "grid", connectivity = 8, separation = "strict", step = 0.5 },
+        { representation = "roadmap", density = "S", roadmap_seed = 2, label = "another" }]
+agents = [3, 2]"#;
+    let found = instances(&with(&format!("{ROOMS}{views}"))).unwrap();
+    let rooms = "two-rooms, two-rooms.task.json";
+    let views = [
+        "grid",
+        "S",
+        "continuous",
+        "grid connectivity=8 separation=strict step=0.5",
+        "another",
+    ];
+    let expected = views
+        .iter()
+        .flat_map(|view| [3, 2].map(|agents| format!("{rooms}, {agents} agents, view {view}")));
+    assert_eq!(told(&found), expected.collect::<Vec<_>>());
+    let digests: BTreeSet<_> = found
+        .iter()
+        .map(|instance| instance.digest().unwrap())
+        .collect();
+    assert_eq!(digests.len(), found.len(), "each is another question");
+    let moves: Vec<_> = found.iter().map(SuiteInstance::connectivity).collect();
+    let (four, eight) = (Some(Connectivity::Four), Some(Connectivity::Eight));
+    assert_eq!(moves[..4], [four, four, None, None]);
+    assert_eq!(moves[6], eight);
+    let asked = |at: usize| match found[at].question().unwrap() {
+        Question::View(asked) => asked,
+        Question::Grid(_) => panic!("{at} is a view"),
+    };
+    // Fewer agents are the first ones, and the same robots.
+    let (all, two) = (asked(0), asked(1));
+    assert_eq!(two.problem.task.agents, all.problem.task.agents[..2]);
+    assert_eq!(two.problem.fleet.agents(), 2);
+    // A step of a cell's side at 1 m/s, unless the view says otherwise.
+    assert!((all.terms.step_s - 0.5).abs() < 1e-12);
+    assert_eq!(asked(6).terms.separation, Separation::Strict);
+    let parameters = |at: usize| {
+        let (asked, view) = (asked(at), found[at].view().unwrap());
+        serde_json::Value::Object(view.spec.parameters(&asked.problem, asked.terms)).to_string()
+    };
+    // What follows from the task stands beside what was given.
+    assert_eq!(
+        parameters(8),
+        r#"{"builder":"prm","neighbors":5,"pace":"stop-go","representation":"roadmap","roadmap_seed":2,"sampling":"uniform","spacing":0.5,"speed":1.0,"vertices":160}"#
+    );
+    assert_eq!(parameters(4), r#"{"representation":"continuous"}"#);
+    // The suite's planners do not read them.
+    let suite = read(&with(&format!("{ROOMS}views = [\"grid\"]"))).unwrap();
+    let files = suite.files().unwrap().into_iter();
+    let mut names: Vec<_> = files
+        .map(|file| file.file_name().unwrap().to_owned())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["two-rooms.task.json", "two-rooms.world.json"]);
+}
+
+#[test]
+fn what_is_wrong_with_views_has_its_place() {
+    let view = |view: &str| with(&format!("{ROOMS}views = [{{ {view} }}]"));
+    let crowded = "task = \"crowded.task.json\"\n";
+    let cases = [
+        (
+            with(ROOMS),
+            "s.toml:3:1: the key `views` is missing in [[instances]]",
+        ),
+        (
+            with(&format!("{ROOMS}views = []")),
+            "s.toml:5:9: `views` is empty, so there is nothing to run",
+        ),
+        (with(&format!("{ROOMS}views = [\"XL\"]")), "s.toml:5:10: "),
+        (
+            with(&format!("{ROOMS}views = [\"S\", \"S\"]")),
+            "s.toml:5:15: two views are called \"S\" | give each a `label` of its own",
+        ),
+        (
+            with(&format!(
+                "{ROOMS}views = [\"S\", {{ representation = \"roadmap\", density = \"S\" }}]"
+            )),
+            "s.toml:3:1: the suite asks twice for two-rooms, two-rooms.task.json, 3 agents, view \
+             roadmap density=S",
+        ),
+        (
+            view("connectivity = 4"),
+            "s.toml:5:10: the key `representation` is missing in [[instances.views]]",
+        ),
+        (
+            view("representation = \"grid\", vertices = 5"),
+            "s.toml:5:37: unknown key `vertices` in a view of the representation `grid`",
+        ),
+        (
+            view("representation = \"grid\", step = 0"),
+            "s.toml:5:44: `step` is 0 | give a duration above 0",
+        ),
+        (
+            view("representation = \"roadmap\", builder = \"lattice\""),
+            "s.toml:5:10: the key `side` is missing in a view of the representation `roadmap`",
+        ),
+        (
+            view("representation = \"roadmap\", builder = \"tangent\", vertices = 5"),
+            "s.toml:5:72: `vertices` is no parameter of the builder `tangent` | its parameters are sides",
+        ),
+        (
+            view("representation = \"roadmap\", density = \"S\", vertices = 5"),
+            "s.toml:5:66: `vertices` is no parameter of a density, which has all of its own",
+        ),
+        (
+            view("representation = \"roadmap\", density = \"XL\""),
+            "s.toml:5:50: \"XL\" is no density | densities are S, D, SD",
+        ),
+        (
+            with(&format!("{ROOMS}views = [\"S\"]\nconnectivity = 8")),
+            "s.toml:6:16: `connectivity` belongs to the view of a task that is a grid",
+        ),
+        (
+            with(&format!("{ROOMS}views = [\"S\"]\nagents = 4")),
+            "s.toml:6:10: 4 agents asked for, but ",
+        ),
+        (
+            with("task = \"nowhere.task.json\"\nviews = [\"S\"]"),
+            "s.toml:4:8: ",
+        ),
+        (
+            format!(
+                "protocol.clock = \"call\"\n{}",
+                with(&format!("{ROOMS}views = [\"S\"]"))
+            ),
+            "s.toml:5:8: empty calls, which the clock `call` leaves out, are made on maps alone",
+        ),
+        (
+            format!(
+                "protocol.path_rule = \"supercover\"\n{}",
+                with(&format!("{ROOMS}views = [\"S\"]"))
+            ),
+            "s.toml:5:8: another path rule than `steps` is for grids with one agent",
+        ),
+        (
+            format!(
+                "execution.radius_m = 0.2\n{}",
+                with(&format!("{ROOMS}views = [\"S\"]"))
+            ),
+            "s.toml:1:22: `radius_m` is not for tasks, which name their worlds and robots",
+        ),
+    ];
+    let wrong: Vec<String> = cases
+        .iter()
+        .map(|(text, expected)| (fault(text), expected))
+        .filter(|(told, expected)| !told.starts_with(*expected))
+        .map(|(told, expected)| format!("told      {told}\nexpected  {expected}\n"))
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    // Two starts in one cell: refused at the view, unless its trials are to fail.
+    let folder = tempfile::tempdir().unwrap();
+    let task = r#"{"format": "fleetyard.task/1", "map": "hall.map", "cell_size_m": 1,
+        "robots": {"disc": {"footprint": {"disc": {"radius_m": 0.25}},
+                            "model": {"single-integrator": {"speed_m_per_s": 1}}}},
+        "agents": [{"start": [0.52, 0.52], "goal": [3, 3]}, {"start": [0.98, 0.98], "goal": [3, 1]}]}"#;
+    let map = "type octile\nheight 4\nwidth 4\nmap\n....\n....\n....\n....\n";
+    std::fs::write(folder.path().join("crowded.task.json"), task).unwrap();
+    std::fs::write(folder.path().join("hall.map"), map).unwrap();
+    let digest = |more: &str| {
+        let text = with(&format!("{crowded}views = [\"grid\", \"S\"]\n{more}"));
+        let suite = Suite::read("s.toml", &text, &[], folder.path(), &|_| None).unwrap();
+        let instances = suite.instances().unwrap();
+        instances[0].question().unwrap_err();
+        instances[1].question().unwrap();
+        instances[0].digest()
+    };
+    let error = digest("").unwrap_err();
+    assert!(
+        error.to_string().starts_with("s.toml:5:10: ")
+            && error.reason.contains("the starts of agents 0 and 1 snap"),
+        "{error}"
+    );
+    assert!(digest("no_view = \"fail\"").is_ok());
 }
 
 /// The part of a page under a heading.
@@ -585,6 +771,16 @@ fn the_page_has_every_key_and_no_other() {
         ("Numbers", vec![with("maze = { size = { UNKNOWN } }")]),
         ("`maze`", vec![with("maze = { UNKNOWN }")]),
         ("`generate`", generate.map(|made| with(&made)).to_vec()),
+        (
+            "`views`",
+            ["grid", "roadmap", "continuous"]
+                .map(|representation| {
+                    with(&format!(
+                        "{ROOMS}views = [{{ representation = \"{representation}\", UNKNOWN }}]"
+                    ))
+                })
+                .to_vec(),
+        ),
     ];
     for (heading, texts) in tables {
         let documented: BTreeSet<String> = section(&page, heading)
@@ -600,7 +796,7 @@ fn the_page_has_every_key_and_no_other() {
         .skip(1)
         .filter_map(|rest| rest.split("```").next())
         .collect();
-    assert_eq!(examples.len(), 4);
+    assert_eq!(examples.len(), 5);
     for example in examples {
         let known = |_: &str| Some("/data".to_owned());
         Suite::read("docs/suites.md", example, &[], Path::new(""), &known).unwrap();
@@ -618,7 +814,7 @@ fn the_suites_of_the_repository_can_be_read() {
         names.push(suite.name);
     }
     names.sort();
-    assert!(names.contains(&"first".to_owned()) && names.contains(&"maze-table3".to_owned()));
+    assert!(names.contains(&"first".to_owned()) && names.contains(&"views".to_owned()));
 }
 
 const FLEET: &str = r#"

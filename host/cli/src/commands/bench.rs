@@ -326,6 +326,9 @@ fn adopt(experiment: &Experiment<'_>, store: &mut Store, meta: &Meta) -> Result<
         key,
         trial: planned.number,
         planner: &experiment.planners()[planned.planner].label,
+        view: experiment.instances()[planned.instance]
+            .view()
+            .map(|view| view.label.as_str()),
     });
     Ok(store.adopt(meta, asked)?)
 }
@@ -476,9 +479,9 @@ impl<'a> Watch<'a> {
             left,
         } = progress;
         if let Some(fault) = &row.fault
-            && self.faulty.insert(row.planner.clone())
+            && self.faulty.insert(row.entrant().into_owned())
         {
-            let text = format!("{} on {}: {fault}", row.planner, place_of(row));
+            let text = format!("{} on {}: {fault}", row.entrant(), place_of(row));
             self.bar.suspend(|| output::warning(&text));
         }
         let said = output::with_left(*left, &format!("{failed} failed"));

@@ -11,7 +11,7 @@ use fleetyard_bench::claims::{self, Claim, signed};
 use fleetyard_bench::evaluate::{Dimension, Planner, PlannerSummary, Trials, groups};
 use fleetyard_bench::suite::{Suite, SuiteInstance};
 use fleetyard_bench::{
-    BenchError, Experiment, GivenOptions, Plugin, Record, Robots, Row, Shard, number, run,
+    BenchError, Experiment, GivenOptions, Host, Plugin, Record, Robots, Row, Shard, number, run,
 };
 use fleetyard_check::PathRule;
 use fleetyard_core::{Grid, find_map, load_map, load_scen};
@@ -55,8 +55,27 @@ pub(crate) struct Compare {
 }
 
 impl Compare {
-    pub(super) fn planners(&self) -> &[PluginArg] {
-        &self.planners.0
+    /// The planners with their options, and the suite of them without instances.
+    pub(super) fn parts(&self, host: &Host) -> Result<(Vec<Plugin>, Suite)> {
+        let asked = &self.planners.0;
+        let planners: Vec<Plugin> = asked
+            .iter()
+            .map(|asked| {
+                let options = GivenOptions::Texts(asked.options.clone());
+                Ok(find_planner(&host.runtime, &asked.plugin)?.with_options(options))
+            })
+            .collect::<Result<_>>()?;
+        let labels = planners.iter().zip(asked).map(|(planner, asked)| {
+            let options = asked.options.iter().map(String::as_str);
+            let words: Vec<&str> = std::iter::once(&*planner.name).chain(options).collect();
+            words.join(" ")
+        });
+        let mut suite = Suite::in_memory("comparison", labels);
+        suite.protocol.path_rule = self.path_rule;
+        suite.protocol.seeds = vec![self.budget.seed];
+        suite.config = sim_config(&self.world);
+        suite.robots = (!self.no_execute).then_some(Robots::Pebbles);
+        Ok((planners, suite))
     }
 }
 
@@ -190,24 +209,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let maps = arguments.map.iter().filter(|map| map.is_file());
     let hidden = arguments.scen.iter().chain(maps).cloned().collect();
     let host = host(&arguments.budget, None, hidden)?;
-    let asked = &arguments.planners.0;
-    let planners: Vec<Plugin> = asked
-        .iter()
-        .map(|asked| {
-            let options = GivenOptions::Texts(asked.options.clone());
-            Ok(find_planner(&host.runtime, &asked.plugin)?.with_options(options))
-        })
-        .collect::<Result<_>>()?;
-    let labels = planners.iter().zip(asked).map(|(planner, asked)| {
-        let options = asked.options.iter().map(String::as_str);
-        let words: Vec<&str> = std::iter::once(&*planner.name).chain(options).collect();
-        words.join(" ")
-    });
-    let mut suite = Suite::in_memory("comparison", labels);
-    suite.protocol.path_rule = arguments.path_rule;
-    suite.protocol.seeds = vec![arguments.budget.seed];
-    suite.config = sim_config(&arguments.world);
-    suite.robots = (!arguments.no_execute).then_some(Robots::Pebbles);
+    let (planners, suite) = arguments.parts(&host)?;
     let mut experiment =
         Experiment::of_parts(&suite, host, planners, instances).map_err(named_by_the_user)?;
     if let Some(first) = experiment.instances().first() {
@@ -270,7 +272,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
 }
 
 /// A fault of a planner as one of the command line, which named it, and of no suite.
-fn named_by_the_user(error: BenchError) -> Failure {
+pub(super) fn named_by_the_user(error: BenchError) -> Failure {
     match error {
         BenchError::Plugin { error, .. } => (*error).into(),
         error => error.into(),
@@ -278,7 +280,9 @@ fn named_by_the_user(error: BenchError) -> Failure {
 }
 
 /// Makes all trials: their rows by number, and the records of those whose planners were asked.
-fn trials(experiment: &mut Experiment<'_>) -> Result<(BTreeMap<u64, Row>, BTreeMap<u64, Record>)> {
+pub(super) fn trials(
+    experiment: &mut Experiment<'_>,
+) -> Result<(BTreeMap<u64, Row>, BTreeMap<u64, Record>)> {
     let (schedule, longest) = (experiment.schedule().clone(), experiment.longest());
     let bar = output::trials(schedule.len());
     let left = Cell::new(None);

@@ -5,55 +5,22 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fleetyard_bench::{
-    GivenOptions, Host, Plugin, Record, Robots, Trial, TrialError, TrialInstance, number,
-};
+use fleetyard_bench::suite::{SuiteInstance, SuiteView};
+use fleetyard_bench::{Experiment, Record, Row, number};
 use fleetyard_check::Pace;
-use fleetyard_core::{Words as _, words};
-use fleetyard_sim::NoTrace;
-use fleetyard_views::{Builder, GridSpec, Problem, RoadmapSpec, View, ViewSpec, load_problem};
+use fleetyard_core::Words as _;
+use fleetyard_core::document::Place;
+use fleetyard_views::{Problem, Representation, ViewName, load_problem};
 use serde::Serialize;
 
-use super::compare::Compare;
-use super::run::terms;
+use super::compare::{Compare, named_by_the_user, trials};
 use super::task::claimed;
 use super::world::GridSpecArgs;
 use crate::args::{Format, INSTANCE, VIEW, word};
-use crate::exit::{Exit, Failure, Result};
+use crate::exit::{Exit, Result};
 use crate::files::file_name;
 use crate::output;
-use crate::setup::{find_planner, host, sim_config};
-
-/// A view of a task, by the word of the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ViewName {
-    Grid,
-    Sparse,
-    Dense,
-    SuperDense,
-    Continuous,
-}
-
-words!(ViewName {
-    Grid = "grid", "The grid that the connectivity and the separation make";
-    Sparse = "S", "A roadmap of 160 vertices with 5 neighbours";
-    Dense = "D", "A roadmap of 900 vertices with 9 neighbours";
-    SuperDense = "SD", "A roadmap of 4000 vertices with 14 neighbours";
-    Continuous = "continuous", "The plane";
-});
-
-impl ViewName {
-    fn spec(self, grid: GridSpec, seed: Option<u64>) -> ViewSpec {
-        match (self, Builder::preset(self.name())) {
-            (Self::Grid, _) => ViewSpec::Grid(grid),
-            (_, Some(builder)) => ViewSpec::Roadmap(RoadmapSpec {
-                seed,
-                ..RoadmapSpec::new(builder)
-            }),
-            _ => ViewSpec::Continuous,
-        }
-    }
-}
+use crate::setup::host;
 
 /// A task whose views are compared.
 #[derive(Debug, Args)]
@@ -77,10 +44,24 @@ pub(super) struct TaskViews {
     pace: Pace,
 }
 
+impl TaskViews {
+    /// A view by its word; `step_s` is the duration of a step on a grid, if one is given.
+    fn view(&self, name: ViewName, step_s: Option<f64>) -> SuiteView {
+        SuiteView {
+            label: name.to_string(),
+            spec: name.spec(self.grid.spec(), self.roadmap_seed),
+            separation: self.grid.separation,
+            pace: self.pace,
+            step_s,
+            place: Place::outside("--views"),
+        }
+    }
+}
+
 /// One planner on one view.
 #[derive(Debug, Serialize)]
 struct Line {
-    view: ViewName,
+    view: String,
     planner: String,
     /// Valid by the rules of the view; absent in the plane, which is the world, and without a plan.
     valid_in_view: Option<bool>,
@@ -97,46 +78,31 @@ struct Line {
 }
 
 impl Line {
-    fn new(view: ViewName, planner: String, record: &Record) -> Self {
-        let judged = record.judged.as_ref();
-        let figures = record
-            .execution
-            .as_ref()
-            .map(|execution| &execution.figures);
+    /// Of a trial; `was_asked` says that the planner was, and did not say that it cannot.
+    fn new(row: &Row, was_asked: bool) -> Self {
+        let failure = row.failure().map(|failure| match &row.first_violation {
+            Some(first) => {
+                // The reason says it already.
+                let first = first.strip_prefix("in the world: ").unwrap_or(first);
+                format!("{failure}: {first}")
+            }
+            None => failure,
+        });
         Self {
-            view,
-            planner,
-            valid_in_view: judged.and_then(|judged| Some(judged.view.as_ref()?.is_valid())),
-            valid_in_world: judged.and_then(|judged| Some(judged.world.as_ref()?.valid)),
-            failure: record
-                .failure()
-                .map(|failure| match record.sentences().first() {
-                    Some(first) => format!("{failure}, {first}"),
-                    None => failure,
-                }),
-            length_m: record.metrics.length_m,
-            soc_s: record.metrics.soc_s,
-            makespan_s: record.metrics.makespan_s,
-            planning_time_ms: Some(record.metrics.planning_time_ms),
-            contacts: figures.map(|figures| figures.contacts),
-            nearest_approach_m: figures.and_then(|figures| figures.nearest_approach_m),
-        }
-    }
-
-    /// A planner that says that it cannot.
-    fn refused(view: ViewName, planner: String, failure: String) -> Self {
-        Self {
-            view,
-            planner,
-            valid_in_view: None,
-            valid_in_world: None,
-            failure: Some(failure),
-            length_m: None,
-            soc_s: None,
-            makespan_s: None,
-            planning_time_ms: None,
-            contacts: None,
-            nearest_approach_m: None,
+            view: row.view.clone().unwrap_or_default(),
+            planner: row.planner.clone(),
+            valid_in_view: row.valid_in_view,
+            valid_in_world: row.valid_in_world,
+            failure: match &row.fault {
+                Some(fault) if !was_asked => Some(fault.clone()),
+                _ => failure,
+            },
+            length_m: row.path_length_m,
+            soc_s: row.soc_s,
+            makespan_s: row.makespan_s,
+            planning_time_ms: was_asked.then_some(row.planning_time_ms),
+            contacts: row.contacts,
+            nearest_approach_m: row.nearest_approach_m,
         }
     }
 }
@@ -149,99 +115,42 @@ struct Report {
     trials: Vec<Record>,
 }
 
-/// A planner with the name that the user gave it.
-type Named = (String, Plugin);
-
 pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
-    let views = &arguments.views;
     let problem = load_problem(task)?;
     let host = host(&arguments.budget, None, vec![task.to_owned()])?;
-    let planners: Vec<Named> = arguments
-        .planners()
+    let (planners, suite) = arguments.parts(&host)?;
+    let claims: Vec<Vec<Representation>> = planners
         .iter()
-        .map(|asked| {
-            let options = GivenOptions::Texts(asked.options.clone());
-            let planner = find_planner(&host.runtime, &asked.plugin)?.with_options(options);
-            let words = asked.options.iter().map(String::as_str);
-            let words: Vec<&str> = std::iter::once(&*planner.name).chain(words).collect();
-            Ok((words.join(" "), planner))
-        })
+        .map(|planner| claimed(&host, planner))
         .collect::<Result<_>>()?;
-    let mut rows = Vec::new();
-    let mut trials = Vec::new();
-    let representations: Vec<_> = planners
+    let views = &arguments.views;
+    let named = views.views.iter();
+    let named = named.map(|name| views.view(*name, arguments.world.step));
+    // Nobody has to claim all of them.
+    let some = |view: &SuiteView| {
+        let representation = view.spec.representation();
+        claims.iter().any(|claims| claims.contains(&representation))
+    };
+    let named: Vec<SuiteView> = named.filter(some).collect();
+    let instances = SuiteInstance::of_task(task, problem.clone(), named).collect();
+    let mut experiment =
+        Experiment::of_parts(&suite, host, planners, instances).map_err(named_by_the_user)?;
+    let (rows, records) = trials(&mut experiment)?;
+    let rows: Vec<Line> = rows
         .iter()
-        .map(|(_, planner)| claimed(&host, planner))
-        .collect::<Result<_>>()?;
-    let mut met = vec![false; planners.len()];
-    for name in views.views.iter().copied() {
-        let spec = name.spec(views.grid.spec(), views.roadmap_seed);
-        let view = spec.derive(&problem)?;
-        for (number, (label, planner)) in planners.iter().enumerate() {
-            if !representations[number].contains(&view.representation()) {
-                continue;
-            }
-            met[number] = true;
-            match trial(arguments, (&host, planner), (&problem, &view), task) {
-                Ok(record) => {
-                    rows.push(Line::new(name, label.clone(), &record));
-                    trials.push(record);
-                }
-                Err(error @ (TrialError::Lacks { .. } | TrialError::Incapable { .. })) => {
-                    rows.push(Line::refused(name, label.clone(), error.to_string()));
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
-    if let Some(number) = met.iter().position(|met| !met) {
-        let reason = format!(
-            "planner `{}` plans on none of the views that are asked for",
-            planners[number].0
-        );
-        return Err(Failure::new(Exit::NoPlan, reason)
-            .hint("`fleetyard plugins info NAME` lists what it can do; --views names the views"));
-    }
+        .map(|(trial, row)| Line::new(row, records.contains_key(trial)))
+        .collect();
     let all = rows.iter().all(|row| row.failure.is_none());
     match arguments.format {
-        Format::Text => output::print(&table(&problem, task, &rows))?,
+        Format::Text => output::print(&output::plain(&table(&problem, task, &rows)))?,
         Format::Json => output::print_json(&Report {
             task: file_name(task),
             agents: problem.task.agents.len(),
             rows,
-            trials,
+            trials: records.into_values().collect(),
         })?,
     }
     Ok(if all { Exit::Success } else { Exit::NoPlan })
-}
-
-fn trial(
-    arguments: &Compare,
-    (host, planner): (&Host, &Plugin),
-    (problem, view): (&Problem, &View),
-    task: &Path,
-) -> std::result::Result<Record, TrialError> {
-    let config = sim_config(&arguments.world);
-    let trial = Trial {
-        host,
-        planner,
-        instance: TrialInstance::View {
-            problem,
-            view,
-            terms: terms(
-                problem,
-                view,
-                arguments.views.grid.separation,
-                arguments.views.pace,
-                arguments.world.step,
-            ),
-        },
-        scenario: &file_name(task),
-        seed: arguments.budget.seed,
-        config: &config,
-        robots: (!arguments.no_execute).then_some(&Robots::Pebbles),
-    };
-    Ok(trial.run(&mut NoTrace)?.record)
 }
 
 fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
@@ -265,7 +174,7 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
     ];
     let cells = rows.iter().map(|row| {
         vec![
-            row.view.to_string(),
+            row.view.clone(),
             row.planner.clone(),
             told(row.valid_in_view).into(),
             told(row.valid_in_world).into(),

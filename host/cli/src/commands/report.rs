@@ -162,10 +162,12 @@ pub(super) fn load(stores: &[PathBuf], rank: Option<Order>) -> Result<Loaded> {
             }
             let Places {
                 scenarios,
+                tasks,
                 planners,
                 ..
             } = meta.places;
             subject.places.scenarios.extend(scenarios);
+            subject.places.tasks.extend(tasks);
             subject.places.planners.extend(planners);
             let rule = values["protocol"]["path_rule"].as_str();
             subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);

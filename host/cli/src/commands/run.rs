@@ -5,19 +5,18 @@ use std::sync::Arc;
 
 use clap::{ArgAction, Args};
 use fleetyard_abi::{Plan, Status};
-use fleetyard_bench::{GivenOptions, Host, Outcome, Plugin, Record, Robots, Trial, TrialInstance};
-use fleetyard_check::{Pace, PathRule};
+use fleetyard_bench::suite::{AskedView, Question};
+use fleetyard_bench::{GivenOptions, Host, Outcome, Plugin, Record, Robots, Trial};
+use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_core::{
-    GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, Separation, TrajectoryFile,
-    load_map, load_scen, save_roadmap_plan, save_trajectories,
+    GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, TrajectoryFile, load_map,
+    load_scen, save_roadmap_plan, save_trajectories,
 };
 use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Picture, World};
-use fleetyard_views::{
-    PlanTerms, Problem, Representation, View, load_problem, trajectories_of, visits_of,
-};
+use fleetyard_views::{Problem, Representation, View, load_problem, trajectories_of, visits_of};
 
 use super::simulate::Sinks;
 use super::task::{ViewArgs, claimed};
@@ -87,32 +86,41 @@ struct InstanceArgs {
     /// MovingAI scenario file
     #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required_unless_present = "task")]
     scen: Option<PathBuf>,
-    /// Number of the scenario's entries to use, from the first
+    /// Number of the scenario's entries or of the task's agents to use, from the first
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N", required_unless_present = "task")]
     agents: Option<usize>,
     /// Task file, of which the planner gets a view: its plan is judged by the rules of the view and
     /// by footprints in the task's world
     #[arg(long, help_heading = INSTANCE, value_name = "FILE", group = "cells",
-          conflicts_with_all = ["map", "scen", "agents", "path_rule", "cell_size", "radius"])]
+          conflicts_with_all = ["map", "scen", "path_rule", "cell_size", "radius"])]
     task: Option<PathBuf>,
 }
 
-/// The instance that was read.
-enum Asked {
-    Grid(GridInstance),
-    View(Box<(Problem, View)>),
-}
-
 impl InstanceArgs {
-    fn load(&self, view: &ViewArgs, host: &Host, planner: &Plugin) -> Result<Asked> {
+    /// The instance; a step on the grid of a task takes `step_s` seconds, or what the view says.
+    fn load(
+        &self,
+        view: &ViewArgs,
+        step_s: Option<f64>,
+        host: &Host,
+        planner: &Plugin,
+    ) -> Result<Question> {
         if let Some(task) = &self.task {
             let problem = load_problem(task)?;
+            let problem = match self.agents {
+                Some(agents) => first(problem, agents)?,
+                None => problem,
+            };
             let otherwise = match view.is_open().then(|| claimed(host, planner)).transpose()? {
                 Some(only) if only.len() == 1 => only[0],
                 _ => Representation::Grid,
             };
-            let view = view.choose(otherwise)?.derive(&problem)?;
-            return Ok(Asked::View(Box::new((problem, view))));
+            let derived = view.choose(otherwise)?.derive(&problem)?;
+            return Ok(Question::View(Box::new(AskedView {
+                terms: derived.terms(&problem, view.grid.separation, view.pace, step_s),
+                view: derived,
+                problem,
+            })));
         }
         // The parser asks for them.
         let (Some(map), Some(scen), Some(agents)) = (&self.map, &self.scen, self.agents) else {
@@ -120,7 +128,7 @@ impl InstanceArgs {
         };
         let grid = Arc::new(load_map(map)?);
         let instance = load_scen(scen)?.instance(grid, agents, view.grid.connectivity)?;
-        Ok(Asked::Grid(instance))
+        Ok(Question::Grid(instance))
     }
 
     /// The file that says where agents start.
@@ -130,49 +138,16 @@ impl InstanceArgs {
     }
 }
 
-impl Asked {
-    fn of<'a>(&'a self, arguments: &'a Run) -> TrialInstance<'a> {
-        match self {
-            Self::Grid(instance) => TrialInstance::Grid {
-                instance,
-                path_rule: arguments.path_rule,
-            },
-            Self::View(both) => {
-                let (problem, view) = &**both;
-                TrialInstance::View {
-                    problem,
-                    view,
-                    terms: terms(
-                        problem,
-                        view,
-                        arguments.view.grid.separation,
-                        arguments.view.pace,
-                        arguments.world.step,
-                    ),
-                }
-            }
-        }
+/// The task with its first agents.
+fn first(problem: Problem, agents: usize) -> Result<Problem> {
+    let has = problem.task.agents.len();
+    if (1..=has).contains(&agents) {
+        return Ok(problem.first(agents));
     }
-}
-
-/// The rules that arguments leave to a view: robots on a grid make a step at the speed that all of
-/// them have, unless its duration is given.
-pub(super) fn terms(
-    problem: &Problem,
-    view: &View,
-    separation: Separation,
-    pace: Pace,
-    step_s: Option<f64>,
-) -> PlanTerms {
-    let own = match view {
-        View::Grid(view) => view.spec.separation,
-        View::Roadmap(_) | View::Continuous => Separation::default(),
-    };
-    PlanTerms {
-        separation: separation.max(own),
-        step_s: step_s.unwrap_or_else(|| view.step_s(problem)),
-        pace,
-    }
+    let reason = format!("{agents} agents asked for, but the task has {has}");
+    Err(InputError::new(problem.task.source.as_str(), reason)
+        .hint(format!("ask for 1 to {has} agents"))
+        .into())
 }
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
@@ -198,12 +173,12 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)
         .with_options(GivenOptions::Texts(asked.options));
-    let asked_instance = given.load(&arguments.view, &host, &planner)?;
+    let asked_instance = given.load(&arguments.view, arguments.world.step, &host, &planner)?;
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,
         file_name(given.file()),
-        asked_instance.of(arguments).agents()
+        asked_instance.trial(arguments.path_rule).agents()
     ));
     // Every tick: the trace is what other tools replay.
     let mut sinks = Sinks::create(arguments.trace_out.as_deref(), 1, None, bar.clone())?;
@@ -211,7 +186,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let trial = Trial {
         host: &host,
         planner: &planner,
-        instance: asked_instance.of(arguments),
+        instance: asked_instance.trial(arguments.path_rule),
         scenario: &file_name(given.file()),
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
@@ -266,7 +241,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
             "the plan is invalid ({count} violations): {first}"
         ));
         let cells = plan.and_then(Plan::cells);
-        if let (Asked::Grid(instance), Some(cells)) = (&asked_instance, cells)
+        if let (Question::Grid(instance), Some(cells)) = (&asked_instance, cells)
             && looks_transposed(grid_size(instance.grid()), instance.starts(), cells)
         {
             output::hint(TRANSPOSED_HINT);
@@ -287,7 +262,13 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
 }
 
 /// Writes a plan in the file form of its representation.
-fn save(asked: &Asked, plan: &Plan, arguments: &Run, record: &Record, path: &Path) -> Result<()> {
+fn save(
+    asked: &Question,
+    plan: &Plan,
+    arguments: &Run,
+    record: &Record,
+    path: &Path,
+) -> Result<()> {
     let planner = Some(format!("{} {}", record.planner.id, record.planner.version));
     let grid = |instance: &GridInstance, cells: &GridPlan| {
         let mut file = PlanFile::new(instance, cells.trimmed());
@@ -297,8 +278,8 @@ fn save(asked: &Asked, plan: &Plan, arguments: &Run, record: &Record, path: &Pat
     };
     let source = path.display().to_string();
     match (asked, plan) {
-        (Asked::Grid(instance), Plan::Cells(cells)) => grid(instance, cells)?,
-        (Asked::View(both), plan) => match (&both.1, plan) {
+        (Question::Grid(instance), Plan::Cells(cells)) => grid(instance, cells)?,
+        (Question::View(asked), plan) => match (&asked.view, plan) {
             (View::Grid(view), Plan::Cells(cells)) => grid(&view.instance, cells)?,
             (View::Roadmap(view), Plan::Visits(visits)) => {
                 if let Ok(plan) = visits_of(visits) {
@@ -322,15 +303,17 @@ fn save(asked: &Asked, plan: &Plan, arguments: &Run, record: &Record, path: &Pat
             }
             _ => output::warning("the plan is none of this view, and was not written"),
         },
-        (Asked::Grid(_), _) => output::warning("the plan is none on a grid, and was not written"),
+        (Question::Grid(_), _) => {
+            output::warning("the plan is none on a grid, and was not written");
+        }
     }
     Ok(())
 }
 
 /// Draws the instance, and the plan as it is or as it lies in the world.
-fn paint(asked: &Asked, outcome: &Outcome, arguments: &Run, path: &Path) -> Result<()> {
+fn paint(asked: &Question, outcome: &Outcome, arguments: &Run, path: &Path) -> Result<()> {
     match asked {
-        Asked::Grid(instance) => {
+        Question::Grid(instance) => {
             let grid = instance.grid();
             let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
             let mut picture = Picture::new(&world);
@@ -339,8 +322,8 @@ fn paint(asked: &Asked, outcome: &Outcome, arguments: &Run, path: &Path) -> Resu
             }
             draw(path, &picture)
         }
-        Asked::View(both) => {
-            let world = World::of_workspace(&both.0.world);
+        Question::View(asked) => {
+            let world = World::of_workspace(&asked.problem.world);
             let mut picture = Picture::new(&world);
             let judged = outcome.record.judged.as_ref();
             if let Some(lifted) = judged.and_then(|judged| judged.lifted.as_ref()) {

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use fleetyard_abi::Capability;
-use fleetyard_bench::{Host, Plugin};
+use fleetyard_bench::{Host, Plugin, representations};
 use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
@@ -15,8 +14,8 @@ use fleetyard_core::{
     Digest, InputError, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile, load_roadmap,
 };
 use fleetyard_views::{
-    GridTerms, GridView, Judged, Problem, Representation, RoadmapView, StepCosts, View, ViewFile,
-    ViewSpec, ViewVerdict, given_roadmap, load_problem, load_view,
+    GridTerms, GridView, Judged, PlanTerms, Problem, Representation, RoadmapView, StepCosts, View,
+    ViewFile, ViewSpec, ViewVerdict, given_roadmap, load_problem, load_view,
 };
 use serde::Serialize;
 
@@ -97,15 +96,9 @@ impl ViewArgs {
 /// The representations that a planner claims to plan in.
 pub(super) fn claimed(host: &Host, planner: &Plugin) -> Result<Vec<Representation>> {
     let running = planner.start(&host.runtime)?;
-    let capabilities = running.descriptor.capabilities;
+    let claimed = representations(&running.descriptor).collect();
     running.close();
-    let all = [
-        (Capability::Grid, Representation::Grid),
-        (Capability::Roadmap, Representation::Roadmap),
-        (Capability::Continuous, Representation::Continuous),
-    ];
-    let claimed = all.into_iter().filter(|(bit, _)| capabilities.has(*bit));
-    Ok(claimed.map(|(_, representation)| representation).collect())
+    Ok(claimed)
 }
 
 /// A view that is not derived yet.
@@ -203,9 +196,11 @@ impl TaskArgs {
         let mut looks_transposed = false;
         let (judged, plan_digest) = match &view {
             View::Grid(grid) => {
-                let step_s = step_s.unwrap_or_else(|| view.step_s(&problem));
-                let (judged, digest, turned) =
-                    self.judge_grid(&problem, grid, &file, step_s, listed)?;
+                let ViewArgs {
+                    grid: asked, pace, ..
+                } = &self.view;
+                let terms = view.terms(&problem, asked.separation, *pace, step_s);
+                let (judged, digest, turned) = judge_grid(&problem, grid, &file, terms, listed)?;
                 looks_transposed = turned;
                 (judged, digest)
             }
@@ -231,26 +226,6 @@ impl TaskArgs {
         })
     }
 
-    fn judge_grid(
-        &self,
-        problem: &Problem,
-        view: &GridView,
-        file: &UnreadPlan,
-        step_s: f64,
-        listed: usize,
-    ) -> Result<(Judged, Digest, bool)> {
-        let instance = &view.instance;
-        let file = cells_of(view, file)?;
-        let terms = GridTerms {
-            separation: self.view.grid.separation.max(view.spec.separation),
-            step_s,
-        };
-        let judged = view.judge(problem, &file.plan, terms, listed);
-        let size = grid_size(instance.grid());
-        let turned = !judged.is_valid() && looks_transposed(size, instance.starts(), &file.plan);
-        Ok((judged, Digest::of_plan(&file.plan), turned))
-    }
-
     fn judge_roadmap(
         &self,
         problem: &Problem,
@@ -262,6 +237,26 @@ impl TaskArgs {
         let judged = view.judge(problem, &file.plan, self.view.pace, listed)?;
         Ok((judged, file.plan.digest()))
     }
+}
+
+/// The verdicts on a plan on a grid, its digest, and true if it seems to have rows and columns exchanged.
+fn judge_grid(
+    problem: &Problem,
+    view: &GridView,
+    file: &UnreadPlan,
+    terms: PlanTerms,
+    listed: usize,
+) -> Result<(Judged, Digest, bool)> {
+    let instance = &view.instance;
+    let file = cells_of(view, file)?;
+    let terms = GridTerms {
+        separation: terms.separation,
+        step_s: terms.step_s,
+    };
+    let judged = view.judge(problem, &file.plan, terms, listed);
+    let size = grid_size(instance.grid());
+    let turned = !judged.is_valid() && looks_transposed(size, instance.starts(), &file.plan);
+    Ok((judged, Digest::of_plan(&file.plan), turned))
 }
 
 /// The plan of a grid view in a file.

@@ -7,13 +7,13 @@ const slots = data.planners.length;
 
 /** The place of a planner's trials in all tables and figures. */
 const slotOf = (() => {
-  const { values, of } = columns.planner.codes;
+  const { values, of } = entrants.codes;
   const place = values.map((name) => data.planners.indexOf(name));
   return Uint16Array.from(of, (code) => place[code]);
 })();
 
-const instances = grouped([columns.instance_digest, columns.seed, columns.budget_ms]);
-const cases = grouped([columns.instance_digest, columns.seed, columns.budget_ms, columns.planner]);
+const instances = grouped([questions, columns.seed, columns.budget_ms]);
+const cases = grouped([questions, columns.seed, columns.budget_ms, entrants]);
 
 /** Of every case its planner and its instance. */
 const slotOfCase = new Uint16Array(cases.groups), instanceOfCase = new Uint32Array(cases.groups);

@@ -42,7 +42,8 @@ const family = (map) => /^[^\d]*?(?=[-_. ]*\d)/.exec(map)?.[0] || map;
 
 function makeFilters() {
   const families = mapped(columns.map.codes, family);
-  addFilter('Planner', columns.planner.codes);
+  addFilter('Planner', entrants.codes);
+  addFilter('View', columns.view.codes);
   if (families.values.length < columns.map.codes.values.length) addFilter('Map family', families);
   addFilter('Map', columns.map.codes);
   addFilter('Agents', columns.agents.codes);
@@ -207,7 +208,7 @@ const TALLEST = 8e6;
 
 const LIST = [
   { name: 'Trial', show: (i) => text(columns.trial.at(i)), key: () => columns.trial.numbers },
-  { name: 'Planner', text: true, show: (i) => columns.planner.at(i), word: 'planner' },
+  { name: 'Planner', text: true, show: (i) => entrants.at(i), word: entrants },
   { name: 'Instance', text: true, show: instanceOf, word: 'map' },
   { name: 'Agents', show: (i) => text(columns.agents.at(i)), key: () => columns.agents.numbers },
   { name: 'Seed', show: (i) => text(columns.seed.at(i)), key: () => columns.seed.numbers },
@@ -243,7 +244,7 @@ function sortList() {
   let key;
   if (column.word) {
     // Words are sorted once, trials by their places.
-    const { values, of } = columns[column.word].codes;
+    const { values, of } = (columns[column.word] ?? column.word).codes;
     const places = new Float64Array(values.length);
     values.map((_, i) => i).sort((a, b) => compare(values[a], values[b])).forEach((code, place) => { places[code] = place; });
     key = (i) => places[of[i]];
@@ -365,7 +366,7 @@ const quoted = (word) => /^[\w@%+=:,./-]+$/.test(word) ? word : `'${String(word)
 
 function showTrial(i) {
   const at = (name) => columns[name].at(i);
-  $('trial-title').textContent = `Trial ${at('trial')}: ${at('planner')}, ${outcomes.values[outcomes.of[i]]}`;
+  $('trial-title').textContent = `Trial ${at('trial')}: ${entrants.at(i)}, ${outcomes.values[outcomes.of[i]]}`;
   const command = commandsOf(i);
   const copy = make('button', { type: 'button', onclick: async () => {
     try {
@@ -381,7 +382,7 @@ function showTrial(i) {
   const others = make('table', {}, make('thead', {}, make('tr', {}, make('th', { class: 'text' }, 'Planner'), make('th', {}, 'Repeat'),
     make('th', { class: 'text' }, 'Outcome'), make('th', {}, 'Time, ms'), make('th', {}, 'Length'), make('th', {}, 'SoC'), make('th', {}, 'Expansions'))),
   make('tbody', {}, ...same.slice(0, 100).map((j) => make('tr', { 'aria-current': j === i ? 'true' : null },
-    make('td', { class: 'text wrap' }, j === i ? make('b', {}, columns.planner.at(j)) : make('a', { href: `#trial=${columns.trial.at(j)}.${j}` }, columns.planner.at(j))),
+    make('td', { class: 'text wrap' }, j === i ? make('b', {}, entrants.at(j)) : make('a', { href: `#trial=${columns.trial.at(j)}.${j}` }, entrants.at(j))),
     make('td', {}, text(columns.repeat.at(j))), make('td', { class: 'text' }, outcomes.values[outcomes.of[j]]),
     make('td', {}, digits(columns.solve_time_ms.at(j))), make('td', {}, plain(columns.path_length_cells.at(j))),
     make('td', {}, text(columns.soc_steps.at(j) ?? '–')), make('td', {}, plain(columns.expansions.at(j)))))));
@@ -396,6 +397,16 @@ function showTrial(i) {
     make('h3', {}, 'All columns'), facts);
 }
 
+/** The task and the view of a trial as arguments of the command line. */
+function viewOf(i) {
+  const at = (name) => columns[name].at(i);
+  const place = (data.places.tasks ?? []).find((place) => place.map === at('map') && place.scenario === at('scenario'));
+  const words = ['--task', place ? place.file : at('scenario')];
+  if (place && place.agents !== at('agents')) words.push('--agents', at('agents'));
+  for (const [name, value] of Object.entries(JSON.parse(at('view_parameters') || '{}'))) words.push(`--${name.replaceAll('_', '-')}`, value);
+  return words;
+}
+
 /** How to make this trial again by itself, and the replay of its execution. Limits, sandbox and robots are in the suite. */
 function commandsOf(i) {
   const at = (name) => columns[name].at(i);
@@ -408,14 +419,14 @@ function commandsOf(i) {
       '--algorithm', at('maze_algorithm'), '--random', random, '--seed', at('maze_seed'), '--scenario']));
     const name = `maze-${rows}-${cols}-1${random === 'python' ? `-${at('maze_algorithm')}-${at('maze_seed')}` : ''}`;
     [map, scenario] = [`${name}.map`, `${name}.scen`];
-  } else if (!/\.scen$/.test(scenario)) {
+  } else if (at('view') === null && !/\.scen$/.test(scenario)) {
     return 'fleetyard bench SUITE.toml --verify   # the suite makes this instance itself';
   } else {
     const place = data.places.scenarios.find((place) => place.map === at('map') && place.scenario === scenario);
     if (place) [map, scenario] = [place.map_file, place.scenario_file];
   }
-  const words = ['fleetyard', 'run', '--map', map, '--scen', scenario, '--agents', at('agents')];
-  if (at('connectivity') !== 4) words.push('--connectivity', at('connectivity'));
+  const words = ['fleetyard', 'run', ...(at('view') === null ? ['--map', map, '--scen', scenario, '--agents', at('agents')] : viewOf(i))];
+  if (at('view') === null && at('connectivity') !== 4) words.push('--connectivity', at('connectivity'));
   if (data.path_rule) words.push('--path-rule', data.path_rule);
   const file = data.places.planners[at('planner')];
   words.push('--planner', file ? `${file}:${at('planner_id')}` : at('planner_id'));
