@@ -11,7 +11,7 @@ const FAMILIES: [&str; 4] = ["empty", "maze", "warehouse", "window"];
 const VIEWS: [&str; 6] = ["grid", "grid-strict", "S", "D", "SD", "continuous"];
 /// A planner of each representation, so that the test takes no longer for planners to come.
 const PLANNERS: &str = "--planner lacam --planner roadmap-pp --planner plane-pp";
-/// What the clock and other work on the machine decide.
+/// Fields that the clock and other work on the machine decide.
 const BY_CLOCK: [&str; 4] = ["plan_ms", "prepare_ms", "contended", "machine"];
 
 fn script(yard: &Yard, arguments: &str) -> Ended {

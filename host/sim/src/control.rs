@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use fleetyard_world::Pose;
 
-use crate::chunk::{Chunk, Span, fraction, interpolate};
+use crate::chunk::{Chunk, Span, Tracks, fraction, interpolate};
 use crate::gate::Routes;
 use crate::motion::{Model, State, Target, stopping_speed, wrap};
 use crate::noise::Noise;
@@ -231,6 +231,10 @@ impl Driver<'_> {
         if left.is_empty() {
             tracks.push(self.block.end, x, y, heading);
         }
+        if chase && model.is_exact() {
+            self.keep_up(model, agent, pilot, factor, tracks);
+            left = &[];
+        }
         while !left.is_empty() {
             let begin = self.ticks.len() - left.len();
             let now = if begin == 0 {
@@ -305,6 +309,50 @@ impl Driver<'_> {
         chunk
             .tracking
             .note(agent as u32, error, self.block.length());
+    }
+
+    /// Moves an exact body along a plan of poses in time, through all its knots, as long as it
+    /// is on the planned place and not slowed down; otherwise it runs after it.
+    fn keep_up(
+        &self,
+        model: &Model,
+        agent: usize,
+        pilot: &mut Pilot,
+        factor: f64,
+        tracks: &mut Tracks,
+    ) {
+        let mut now = self.block.start;
+        for end in self.ticks {
+            self.look_at_the_clock(agent, pilot, now);
+            let here = self.planned(agent, pilot, now);
+            let (due, before) = (pilot.due, pilot.state);
+            self.look_at_the_clock(agent, pilot, *end);
+            let there = self.planned(agent, pilot, *end);
+            let (dx, dy) = (here.x - before.x, here.y - before.y);
+            let turned = here
+                .heading
+                .is_some_and(|heading| (heading - before.heading).abs() > SAME_M);
+            let state = &mut pilot.state;
+            if factor < 1.0 || turned || dx * dx + dy * dy > SAME_M * SAME_M {
+                model.run(state, &there.target(), 1, self.tick_s, factor, &mut |_| {});
+            } else {
+                for knot in due + 1..=pilot.due {
+                    let (time, place) = (self.time(agent, knot), self.place(agent, knot));
+                    if time < *end {
+                        let heading = place.heading.unwrap_or(before.heading);
+                        tracks.push(time, place.x, place.y, heading);
+                    }
+                }
+                (state.x, state.y) = (there.x, there.y);
+                state.heading = there.heading.unwrap_or(before.heading);
+                state.vx = (state.x - before.x) / self.tick_s;
+                state.vy = (state.y - before.y) / self.tick_s;
+                state.omega = (state.heading - before.heading) / self.tick_s;
+            }
+            tracks.push(*end, state.x, state.y, state.heading);
+            now = *end;
+        }
+        pilot.done = pilot.due;
     }
 
     /// Velocity that the agent requests for the end of a tick from its current state, for

@@ -313,6 +313,23 @@ fn robots_follow_each_other_at_their_heels() {
         assert_eq!(outcome.contacts.total(), 0, "{model}");
         assert_eq!(outcome.arrived, 2, "{model}");
     }
+    // By time exact bodies go through every bend, whatever the ticks and the periods are.
+    let exact = Profile {
+        footprint: Footprint::Disc { radius_m: 0.25 },
+        model: "single-integrator".parse().unwrap(),
+    };
+    let config = SimConfig {
+        message_period_s: 0.5,
+        ticks_hz: 10,
+        until_done: true,
+        ..SimConfig::default()
+    };
+    let outcome = Simulator::new(&config)
+        .with_fleet(&Fleet::uniform(exact, 2).unwrap())
+        .run(&plan, &mut NoTrace)
+        .unwrap();
+    assert_eq!(outcome.contacts.total(), 0);
+    assert!(outcome.tracking_error_max_m < 1e-9, "{outcome:?}");
 }
 
 /// Discs on lanes of their own width: exactly driven they pass each other, with tolerances they
