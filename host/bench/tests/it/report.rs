@@ -109,8 +109,69 @@ fn suites() -> Vec<(&'static str, Vec<Row>)> {
         ("mazes", mazes()),
         ("failed", failed()),
         ("one", usual().into_iter().take(1).collect()),
+        ("views", viewed()),
         ("none", Vec::new()),
     ]
+}
+
+/// Planners on views of two tasks of one file: too few for intervals.
+fn viewed() -> Vec<Row> {
+    let shape = Shape {
+        planners: &["cells", "plane"],
+        maps: &["rooms"],
+        agents: &[1, 2],
+        scenarios: 1,
+        failures: 0.0,
+        anytime: false,
+        ..Shape::default()
+    };
+    let view = |row: Row| {
+        let on_grid = row.planner == "cells";
+        let representation = if on_grid { "grid" } else { "continuous" };
+        Row {
+            task_digest: Some(row.instance_digest.clone()),
+            instance_digest: format!("{}{representation}", row.instance_digest),
+            representation: Some(representation.into()),
+            view: Some(representation.into()),
+            view_parameters: Some(format!("{{\"representation\":\"{representation}\"}}")),
+            connectivity: on_grid.then_some(4),
+            map_rows: None,
+            map_cols: None,
+            lower_bound_steps: None,
+            suboptimality: None,
+            soc_s: row.soc_steps.map(|steps| steps as f64 / 2.0),
+            soc_steps: row.soc_steps.filter(|_| on_grid),
+            ..row
+        }
+    };
+    rows(&shape, 9).into_iter().map(view).collect()
+}
+
+/// A planner on a view is one planner in all tables, and its task one instance.
+#[test]
+fn planners_on_views_meet_on_their_tasks() {
+    let rows = viewed();
+    let report = Report::new(subject("views"), &rows);
+    assert_eq!(report.planners(), ["cells on grid", "plane on continuous"]);
+    let tables = report.tables();
+    assert_eq!(tables[0].title, "Views");
+    let lines: Vec<_> = tables[0]
+        .rows
+        .iter()
+        .map(|row| row[..3].join(" "))
+        .collect();
+    let expected = [
+        "1 grid cells",
+        "1 continuous plane",
+        "2 grid cells",
+        "2 continuous plane",
+    ];
+    assert_eq!(lines, expected);
+    let numbers = report.json().unwrap();
+    assert_eq!(numbers["overview"]["instances"], 2);
+    assert_eq!(numbers["overview"]["shared"], 2);
+    assert_eq!(numbers["costs"]["metric"], "soc_s");
+    assert_eq!(numbers["views"].as_array().unwrap().len(), 4);
 }
 
 /// A winner was announced whose own test said p = 1.

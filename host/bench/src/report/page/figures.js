@@ -80,10 +80,12 @@ const FIGURES = {
       title: `Success by ${size.label}`, caption, x: { label: size.label }, y: share,
       series: bySlot((p) => {
         const groups = bySize(p.all).map(([number, some]) => [number, some, story.found.rate(some, byMap)]);
+        const band = groups.map(([, , found]) => pairOf(found.interval));
         return {
           kind: 'curve', name: p.name, slot: p.slot,
           points: groups.map(([number, , found]) => [number, found.share]),
-          band: groups.map(([, , found]) => pairOf(found.interval)),
+          // Few scenarios of one size have none.
+          band: band.every(Boolean) ? band : null,
           behind: (at) => groups[at][1],
         };
       }),
