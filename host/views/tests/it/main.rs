@@ -3,6 +3,7 @@
 mod given;
 mod grids;
 mod judged;
+mod lowered;
 mod overlays;
 mod roadmaps;
 mod sampled;
