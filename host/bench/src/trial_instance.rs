@@ -149,7 +149,7 @@ impl TrialInstance<'_> {
             },
             Self::View { problem, view, .. } => InstanceInfo {
                 path_rule: None,
-                map: problem.task.name.clone(),
+                map: problem.task.title().to_owned(),
                 scenario: scenario.to_owned(),
                 agents: self.agents(),
                 connectivity: match view {

@@ -404,6 +404,18 @@ pub fn write_task(task: &Task) -> Vec<u8> {
     text.into_bytes()
 }
 
+impl Task {
+    /// The task's own name, or else that of its file without `.task.json`.
+    pub fn title(&self) -> &str {
+        if !self.name.is_empty() {
+            return &self.name;
+        }
+        let file = self.source.rsplit('/').next().unwrap_or_default();
+        let short = file.strip_suffix(".json").unwrap_or(file);
+        short.strip_suffix(".task").unwrap_or(short)
+    }
+}
+
 /// Writes a task file.
 pub fn save_task(task: &Task, path: impl AsRef<Path>) -> Result<(), InputError> {
     write_atomically(path.as_ref(), &write_task(task))

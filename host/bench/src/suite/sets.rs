@@ -466,13 +466,9 @@ impl Recipe {
         match self {
             Self::Tasks(tasks) => {
                 let LoadedTask { path, problem, .. } = tasks.get(base).0;
-                let scenario = named(path);
                 Origin {
-                    map: match problem.task.name.as_str() {
-                        "" => scenario.clone(),
-                        name => name.to_owned(),
-                    },
-                    scenario,
+                    map: problem.task.title().to_owned(),
+                    scenario: named(path),
                     maze: None,
                 }
             }

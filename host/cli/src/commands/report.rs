@@ -16,6 +16,7 @@ use serde_json::json;
 
 use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result, internal};
+use crate::files::file_name;
 use crate::output;
 
 /// Trials that are named where two runs differ.
@@ -260,11 +261,6 @@ fn planners(rows: &[Row]) -> Vec<(String, String)> {
     }
     let fact = |(label, what): (&str, Vec<String>)| (label.to_owned(), what.join("; "));
     found.into_iter().map(fact).collect()
-}
-
-fn file_name(path: &Path) -> String {
-    let name = path.file_name().unwrap_or(path.as_os_str());
-    name.to_string_lossy().into_owned()
 }
 
 fn compare_stores(a: &str, b: &str) -> Result<(RunComparison, Vec<Table>)> {

@@ -250,7 +250,7 @@ fn info(task: &Path, format: Format) -> Result<Exit> {
     let world = &problem.world;
     let [min, max] = [world.bounds.min, world.bounds.max];
     let info = Info {
-        name: name_of(&problem, task),
+        name: problem.task.title().to_owned(),
         bounds_m: [min[0], min[1], max[0], max[1]],
         obstacles: world.obstacles.len(),
         corners: world
@@ -302,15 +302,6 @@ fn stem(file: &Path, ends: &[&str]) -> String {
         .iter()
         .fold(name.as_str(), |name, end| name.trim_end_matches(end));
     short.to_owned()
-}
-
-/// A task's own name, or else that of its file.
-fn name_of(problem: &Problem, task: &Path) -> String {
-    if problem.task.name.is_empty() {
-        of_task(task)
-    } else {
-        problem.task.name.clone()
-    }
 }
 
 fn of_task(task: &Path) -> String {
