@@ -16,6 +16,9 @@ use super::{File, Problem, check_places, invalid, unsupported};
 /// Lower left and upper right corner of a box along the axes.
 type Corners = [[f64; 2]; 2];
 
+/// Thickness in metres of the walls around the bounds.
+const WALL_M: f64 = 1.0;
+
 /// Difference between a number of a robot and that of its type that is rounding.
 const SAME: f64 = 1e-9;
 
@@ -102,6 +105,19 @@ fn box_of(corners: &[[f64; 2]]) -> Option<Corners> {
     is_box.then_some([low, high])
 }
 
+/// Walls along the outside of the bounds. The bounds of a problem are for the middles of robots;
+/// walls keep the bodies inside.
+fn walls([low, high]: Corners) -> [Corners; 4] {
+    let [[left, bottom], [right, top]] = [low, high];
+    let out = [low.map(|at| at - WALL_M), high.map(|at| at + WALL_M)];
+    [
+        [out[0], [left, out[1][1]]],
+        [[right, out[0][1]], out[1]],
+        [out[0], [out[1][0], bottom]],
+        [[out[0][0], top], out[1]],
+    ]
+}
+
 fn near(one: f64, other: f64) -> bool {
     (one - other).abs() <= SAME * other.abs().max(1.0)
 }
@@ -180,7 +196,7 @@ impl Problem for InPlane {
         let problem = DynobenchProblem {
             min_m: self.bounds_m[0],
             max_m: self.bounds_m[1],
-            boxes_m: self.boxes_m.clone(),
+            boxes_m: [&self.boxes_m[..], &walls(self.bounds_m)].concat(),
             robots: robots
                 .map(|(name, (start, goal))| (name, &*start.0, &*goal.0))
                 .collect(),
@@ -246,6 +262,32 @@ mod tests {
         for corners in others {
             assert_eq!(box_of(corners), None, "{corners:?}");
         }
+    }
+
+    #[test]
+    fn walls_are_around_the_bounds() {
+        let around = walls([[0.0, -2.0], [5.0, 4.0]]);
+        let inside = [
+            [0.001, -1.999],
+            [0.001, 3.999],
+            [4.999, -1.999],
+            [4.999, 3.999],
+            [2.0, 1.0],
+        ];
+        let outside = [
+            [-0.5, 1.0],
+            [5.5, 1.0],
+            [2.0, -2.5],
+            [2.0, 4.5],
+            [-0.9, -2.9],
+            [5.9, 4.9],
+        ];
+        let is_in = |[x, y]: [f64; 2]| {
+            let mut walls = around.iter();
+            walls.any(|[low, high]| low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1])
+        };
+        assert!(!inside.into_iter().any(is_in));
+        assert!(outside.into_iter().all(is_in));
     }
 
     fn cart() -> (Robot, RobotType) {
