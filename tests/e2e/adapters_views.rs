@@ -238,13 +238,15 @@ fn psipp_is_told_and_read_in_its_own_unit() {
     assert!(ended.stderr.contains(told), "{ended}");
 }
 
-/// Stands in for db-CBS: one robot drives straight to its goal at its largest speed.
+/// Stands in for db-CBS: one robot drives straight to its goal at its largest speed. It is killed at
+/// its end as the program is.
 const DB_CBS: &str = r#"#!/usr/bin/env python3
 import os, re, sys
 given = dict(zip(sys.argv[1::2], sys.argv[2::2]))
 text = open(given["-i"]).read()
 box = r"type: box\n      center: \[1.5, 4.5\]\n      size: \[1, 2\]"
 assert "min: [0, 0]\n  max: [8, 6]" in text and re.search(box, text), text
+assert text.count("type: box") == 5 and "center: [-0.5, 3]\n      size: [1, 8]" in text, text
 assert "delta_0: 0.5" in open(given["-c"]).read()
 ends = re.findall(r"type: (\w+)\n    start: \[(.*)\]\n    goal: \[(.*)\]", text)
 assert [one[0] for one in ends] == ["unicycle_first_order_0"], ends
@@ -256,7 +258,11 @@ out = "cost: 1\nresult:\n  - states:\n"
 count = round((goal[0] - x) / step)
 for number in range(count + 1):
     out += f"      - [{x + (goal[0] - x) * number / count}, {y}, {heading}]\n"
-open(given["--optimization"], "w").write(out + "    actions: []\n")
+print("time_ddp_total: 1.25e+01")
+if os.path.basename(sys.argv[0]) != "dies":
+    print("optimization done!", flush=True)
+    open(given["--optimization"], "w").write(out + "    actions: []\n")
+os.abort()
 "#;
 
 fn unicycle(yard: &Yard, robot: &str, goal: &str) {
@@ -291,6 +297,10 @@ fn db_cbs_is_asked_about_robots_that_it_knows() {
     assert_eq!(record["verdict"]["valid"], true, "{record}");
     let soc = record["metrics"]["soc_s"].as_f64().unwrap();
     assert!((soc - 12.0).abs() < 1e-9, "{soc}");
+    assert_eq!(record["claimed_metrics"]["optimization_ms"], 12.5);
+    // Killed before there is a plan.
+    let ended = ask("dies", CART, "[7, 1, 0]", None).expect(PLUGIN);
+    assert!(ended.stderr.contains("SIGABRT"), "{ended}");
     // Faster than the robot is: the judge says so.
     let record = ask("hurries", CART, "[7, 1, 0]", None).expect(INVALID_PLAN);
     assert_eq!(record.json()["claim"], "solved");
@@ -324,12 +334,42 @@ fn db_cbs_is_asked_about_robots_that_it_knows() {
     }
 }
 
+/// True if a variable names the program of an adapter.
+fn is_named(adapter: &str, variable: &str) -> bool {
+    let is_named = std::env::var_os(variable).is_some_and(|named| !named.is_empty());
+    if !is_named {
+        println!("{adapter} is skipped: {variable} does not name the program");
+    }
+    is_named
+}
+
+/// db-CBS itself, where its variable names it: two robots swap along the edge of the world.
+#[test]
+fn real_db_cbs_in_the_plane() {
+    if !is_named("db-cbs", "DB_CBS") {
+        return;
+    }
+    let yard = hall();
+    let task = format!(
+        r#"{{"format": "fleetyard.task/1", "world": "hall.world.json", "robots": {{"cart": {CART}}},
+            "goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02,
+            "agents": [{{"start": [1, 0.3, 0], "goal": [4, 0.3, 0]}},
+                       {{"start": [4, 0.3, 3.14], "goal": [1, 0.3, 3.14]}}]}}"#
+    );
+    yard.write("hall.task.json", task);
+    let record = run(&yard, "db-cbs", "").expect(SUCCESS).json();
+    assert_eq!(record["verdict"]["valid"], true, "{record}");
+    assert_eq!(record["claim"], "solved");
+    // Two ways of three metres at half a metre per second.
+    let soc = record["metrics"]["soc_s"].as_f64().unwrap();
+    assert!(soc > 11.9, "{soc}");
+}
+
 /// The programs themselves, where their variables name them.
 #[test]
 fn real_programs_on_a_roadmap() {
     for (adapter, variable) in [("ccbs", "CCBS"), ("psipp", "PSIPP")] {
-        if std::env::var_os(variable).is_none_or(|named| named.is_empty()) {
-            println!("{adapter} is skipped: {variable} does not name the program");
+        if !is_named(adapter, variable) {
             continue;
         }
         let yard = hall();
