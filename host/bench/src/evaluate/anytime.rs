@@ -109,7 +109,8 @@ fn first_ends(trials: &Trials<'_>) -> Vec<f64> {
 }
 
 impl Anytime {
-    /// Of every planner, in the suite's order; nothing where nobody has sent a better plan on the way.
+    /// Of every planner, in the suite's order, that was asked an instance for which some plan's cost in steps is known;
+    /// nothing where nobody has sent a better plan on the way.
     pub(super) fn all(trials: &Trials<'_>) -> Vec<Self> {
         if !trials.rows().any(|row| row.incumbents.len() > 1) {
             return Vec::new();
@@ -117,11 +118,11 @@ impl Anytime {
         let (best, ends) = (best_known(trials, f64::INFINITY), first_ends(trials));
         let planners = trials.planners().iter();
         planners
-            .map(|planner| Self::of(planner, &best, &ends))
+            .filter_map(|planner| Self::of(planner, &best, &ends))
             .collect()
     }
 
-    fn of(planner: &Planner<'_>, best: &[f64], ends: &[f64]) -> Self {
+    fn of(planner: &Planner<'_>, best: &[f64], ends: &[f64]) -> Option<Self> {
         // An instance without any plan says nothing of who was asked.
         let solvable = || {
             planner
@@ -129,6 +130,7 @@ impl Anytime {
                 .iter()
                 .filter(|case| best[case.instance].is_finite())
         };
+        solvable().next()?;
         let over = |value: &dyn Fn(&Row, f64) -> f64| -> Vec<Clustered> {
             let of_case = |case: &Case<'_>| {
                 let best = best[case.instance];
@@ -141,7 +143,7 @@ impl Anytime {
             |values: &[Clustered]| mean(&sorted(values.iter().map(|value| value.1))).unwrap_or(0.0);
         let share = |value: &dyn Fn(&Row, f64) -> f64| mean_of(&over(value));
         let integrals = over(&primal_integral);
-        Self {
+        Some(Self {
             planner: planner.label.to_string(),
             primal_integral: mean_of(&integrals),
             interval: clustered_mean_interval(&integrals),
@@ -151,7 +153,7 @@ impl Anytime {
                 share(&|row, best| f64::from(u8::from(gap_by(row, best, f64::INFINITY) <= target)))
             }),
             equal_time: equal_time(planner, best, ends),
-        }
+        })
     }
 }
 

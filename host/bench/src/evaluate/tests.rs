@@ -852,6 +852,20 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
     // Nobody sends anything on the way.
     let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);
     assert_eq!(found.anytime, []);
+    // Plans without a cost in steps say nothing of who was near the best.
+    let elsewhere = Row {
+        soc_steps: None,
+        incumbents: vec![
+            Incumbent {
+                soc_steps: None,
+                ..plan(5.0, 0)
+            };
+            2
+        ],
+        ..row("elsewhere", 0, Some(5.0))
+    };
+    let found = Evaluation::of(&Trials::new(&[elsewhere]), Order::Text);
+    assert_eq!(found.anytime, []);
 }
 
 #[test]

@@ -210,6 +210,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
         ("story", &story(report)),
         ("methods", &list(&methods())),
         ("stability", &stability(report)),
+        ("views", &views(report)),
         ("standings", &standings(report)),
         ("origin", &origin(report)),
     ])
@@ -246,25 +247,30 @@ fn list(entries: &[String]) -> String {
 /// The agreement of the rankings of all trials, if there is more than one.
 fn stability(report: &Report<'_>) -> String {
     let table = report.stability.as_ref().map(table::stability);
-    table.map_or(String::new(), |table| fixed("stability", &table))
+    table.map_or(String::new(), |table| fixed("stability", &table, false))
 }
 
-/// Views of tasks, success, time and quality of all trials, and plans on the way, if there are any.
+/// Views of tasks, if there are any: the first thing that is asked of them.
+fn views(report: &Report<'_>) -> String {
+    let table = table::views(&report.evaluation);
+    table.map_or(String::new(), |table| fixed("views", &table, true))
+}
+
+/// Success, time and quality of all trials, and plans on the way, if there are any.
 fn standings(report: &Report<'_>) -> String {
     let tables = [
-        ("views", table::views(&report.evaluation)),
         ("standings", table::standings(&report.evaluation)),
         ("shared", table::shared(&report.evaluation)),
         ("anytime", table::anytime(&report.evaluation)),
     ];
     let tables = tables
         .into_iter()
-        .filter_map(|(id, table)| Some(fixed(id, &table?)));
+        .filter_map(|(id, table)| Some(fixed(id, &table?, false)));
     tables.collect()
 }
 
 /// A table of all trials, which no filter changes.
-fn fixed(id: &str, table: &Table) -> String {
+fn fixed(id: &str, table: &Table, open: bool) -> String {
     let line = |tag: &str, cells: &[String]| {
         let cells = cells.iter().zip(&table.words).map(|(text, words)| {
             let class = if *words { " class=\"text\"" } else { "" };
@@ -273,8 +279,9 @@ fn fixed(id: &str, table: &Table) -> String {
         format!("<tr>{}</tr>\n", cells.collect::<String>())
     };
     let rows = table.rows.iter().map(|row| line("td", row));
+    let open = if open { " open" } else { "" };
     format!(
-        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<details>\n\
+        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<details{open}>\n\
          <summary><h2 id=\"{id}-title\">{}</h2></summary>\n<p class=\"note\">{} Of all trials, whatever is \
          filtered.</p>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n\
          </table></div>\n</details>\n</section>\n",

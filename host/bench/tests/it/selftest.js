@@ -22,8 +22,10 @@ const fits = (name) => {
   check(name, scrollWidth <= clientWidth, [scrollWidth, clientWidth, wide.map((one) => `${one.tagName} ${one.id} ${one.className}`)]);
 };
 fits('nothing is wider than the window');
-// What is read in a minute; all else is folded.
-const shown = [...document.querySelectorAll('main table, .plot, header li')].filter((one) => one.checkVisibility());
+// What is read in a minute, with the views of tasks before it; all else is folded.
+const views = document.querySelector('#views table');
+check('shows views of tasks', Boolean(views && views.checkVisibility()) === (EXPECTED.views || []).length > 0);
+const shown = [...document.querySelectorAll('main table, .plot, header li')].filter((one) => one !== views && one.checkVisibility());
 check('shows a table and a figure', shown.length === 2, shown.map((one) => one.id || one.className));
 for (const folded of document.querySelectorAll('header > details, section > details')) folded.open = true;
 await frames(3);
