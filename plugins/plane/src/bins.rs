@@ -39,6 +39,8 @@ pub struct Bins {
     boxes: Vec<Rectangle>,
     origin: Vector,
     side: f64,
+    /// The reciprocal of the side.
+    per_metre: f64,
     columns: usize,
     rows: usize,
     /// Index of the first member of each bin, and at last the end.
@@ -66,6 +68,7 @@ impl Bins {
             boxes,
             origin: whole.min,
             side,
+            per_metre: side.recip(),
             columns: count(extent.x),
             rows: count(extent.y),
             starts: Vec::new(),
@@ -97,10 +100,18 @@ impl Bins {
     }
 
     /// Calls `found` with the number of every box that has a point in common with `asked`, each once, bin by bin.
-    pub fn meeting(&self, asked: &Rectangle, mut found: impl FnMut(u32)) {
+    pub fn meeting(&self, asked: &Rectangle, found: impl FnMut(u32)) {
+        self.meeting_from(asked, 0, found);
+    }
+
+    /// The same for boxes whose number is at least `first`.
+    pub fn meeting_from(&self, asked: &Rectangle, first: u32, mut found: impl FnMut(u32)) {
         for bin in self.cover(asked) {
             let members = self.starts[bin] as usize..self.starts[bin + 1] as usize;
-            for number in &self.members[members] {
+            // Members of a bin are in ascending order.
+            let members = &self.members[members];
+            let begin = members.partition_point(|number| *number < first);
+            for number in &members[begin..] {
                 let other = &self.boxes[*number as usize];
                 // Of the bins that both touch the one of the lower left corner of what is common tells of them.
                 if asked.meets(other) && self.bin(asked.min.sup(&other.min)) == bin {
@@ -151,7 +162,7 @@ impl Bins {
     }
 
     fn column_and_row(&self, place: Vector) -> (usize, usize) {
-        let at = (place - self.origin) / self.side;
+        let at = (place - self.origin) * self.per_metre;
         (
             (at.x as usize).min(self.columns - 1),
             (at.y as usize).min(self.rows - 1),

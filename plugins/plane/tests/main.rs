@@ -159,7 +159,7 @@ proptest! {
 
     #[test]
     fn bins_tell_of_every_box_that_meets(
-        given in proptest::collection::vec((place(), place()), 0..40), a in place(), b in place(),
+        given in proptest::collection::vec((place(), place()), 0..40), a in place(), b in place(), first in 0..40_u32,
     ) {
         let boxes: Vec<Rectangle> =
             given.iter().map(|(a, b)| Rectangle::around(*a, *b, 0.1)).collect();
@@ -168,7 +168,12 @@ proptest! {
         Bins::new(boxes.clone()).meeting(&asked, |number| found.push(number));
         found.sort_unstable();
         let meeting = (0..boxes.len()).filter(|number| boxes[*number].meets(&asked));
-        prop_assert_eq!(found, meeting.map(|number| number as u32).collect::<Vec<_>>());
+        prop_assert_eq!(&found, &meeting.map(|number| number as u32).collect::<Vec<_>>());
+        let mut later = Vec::new();
+        Bins::new(boxes).meeting_from(&asked, first, |number| later.push(number));
+        later.sort_unstable();
+        found.retain(|number| *number >= first);
+        prop_assert_eq!(later, found);
     }
 }
 

@@ -119,10 +119,8 @@ impl<'a> Closeness<'a> {
         let mut all: Vec<Vec<Pair>> = vec![Vec::new(); tracks as usize];
         for track in 0..tracks {
             let (motion, mut found) = (self.motion(track), Vec::new());
-            self.tracks_near(&motion, |other| {
-                if other >= track {
-                    found.extend(self.pair(&motion, other));
-                }
+            self.tracks_near(&motion, track, |other| {
+                found.extend(self.pair(&motion, other));
             });
             for pair in &found {
                 if pair.other != track {
@@ -146,7 +144,7 @@ impl<'a> Closeness<'a> {
         let ahead = edge == self.edge_of_track[track as usize];
         let pairs = self.pairs[track as usize].get_or_init(|| {
             let (motion, mut found) = (self.motion(track), Vec::new());
-            self.tracks_near(&motion, |other| found.extend(self.pair(&motion, other)));
+            self.tracks_near(&motion, 0, |other| found.extend(self.pair(&motion, other)));
             found
         });
         pairs.iter().flat_map(move |pair| {
@@ -207,7 +205,7 @@ impl<'a> Closeness<'a> {
             let place = self.roadmap.place(vertex);
             let motion = Motion::rest(place, 0.0);
             let mut beside = Beside::default();
-            self.tracks_near(&motion, |track| {
+            self.tracks_near(&motion, 0, |track| {
                 let edge = self.edge_of_track[track as usize];
                 let Some(near) = self.motion(track).near(place, self.distance) else {
                     return;
@@ -246,9 +244,9 @@ impl<'a> Closeness<'a> {
         Pair::new(track, forward, span(pair.backward).after(shift))
     }
 
-    fn tracks_near(&self, motion: &Motion, found: impl FnMut(u32)) {
+    fn tracks_near(&self, motion: &Motion, first: u32, found: impl FnMut(u32)) {
         let asked = Rectangle::around(motion.from, motion.at(motion.duration), self.distance);
-        self.tracks.meeting(&asked, found);
+        self.tracks.meeting_from(&asked, first, found);
     }
 
     fn places_near(&self, motion: &Motion, found: impl FnMut(Vertex)) {
