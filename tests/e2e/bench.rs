@@ -80,14 +80,14 @@ fn a_suite_runs_goes_on_and_says_what_changed() {
     assert_eq!(first.len(), 12);
     let numbers: Vec<u64> = first.iter().map(|row| row.trial).collect();
     assert_eq!(numbers, (0..12).collect::<Vec<_>>());
-    // Neither planner is always first.
+    // Neither planner is always first; trials may begin within the same millisecond.
     let rounds = || {
         first
             .chunks(2)
             .map(|round| (round[0].started_unix_ms, round[1].started_unix_ms))
     };
-    assert!(rounds().any(|(pibt, lacam)| pibt <= lacam));
-    assert!(rounds().any(|(pibt, lacam)| lacam < pibt));
+    assert!(!rounds().all(|(pibt, lacam)| lacam < pibt));
+    assert!(!rounds().all(|(pibt, lacam)| pibt < lacam));
     let row = &first[1];
     assert_eq!(
         (row.planner.as_str(), row.attach.as_str()),

@@ -37,7 +37,7 @@ impl Pins {
                 if far_m > most_m {
                     let reason = format!(
                         "the {what} of agent {number} is {far_m:.3} m from the nearest vertex of the roadmap, more than \
-                         {most_m:.3} m"
+                         {most_m} m"
                     );
                     let hint = "starts and goals are vertices of the roadmaps that `fleetyard world roadmap` makes";
                     return Err(InputError::new(problem.task.source.as_str(), reason).hint(hint));
