@@ -1,6 +1,6 @@
 //! Adapters of programs on roadmaps and in the plane, end to end: the manifests of `plugins/adapters`
 //! with programs in Python that read and write the same files and do as the real ones do, good and bad.
-//! Where a variable names the real program it is asked, too.
+//! The real program is asked, too, where a variable names it.
 
 use fleetyard_testkit::{Ended, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, Yard, have, root, words};
 use serde_json::Value;

@@ -23,7 +23,7 @@ use tempfile::TempDir;
 use super::Installed;
 use super::input::{MAP_NAME, PROBLEM_NAME, ROADMAP_NAME, SCEN_NAME, TASK_NAME};
 use super::manifest::{Condition, Searched};
-use super::problem::{self, File, Problem, unsupported};
+use super::problem::{self, Problem, unsupported};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -164,7 +164,11 @@ impl Solver {
         }
     }
 
-    fn write(&self, files: Vec<File>) -> Result<(), Failure> {
+    /// Writes files into the scratch folder.
+    fn write<'a>(
+        &self,
+        files: impl IntoIterator<Item = (&'a str, Vec<u8>)>,
+    ) -> Result<(), Failure> {
         for (name, bytes) in files {
             fs::write(self.scratch.path().join(name), bytes)
                 .map_err(|error| internal(&format!("cannot write {name}"), error))?;
@@ -438,17 +442,15 @@ impl Planner for Solver {
         let agents = instance.agents();
         let time = self.time(agents, problem.places(), budget);
         let value = |slot: &Slot| self.value(slot, (agents, time), budget);
-        for (name, template) in &manifest.input.files {
-            fs::write(
-                scratch.join(name),
-                template.render(value).into_encoded_bytes(),
-            )
-            .map_err(|error| internal(&format!("cannot write {name}"), error))?;
-        }
+        let settings = manifest.input.files.iter();
+        self.write(settings.map(|(name, template)| {
+            let text = template.render(value);
+            (name.as_str(), text.into_encoded_bytes())
+        }))?;
         if let Some(fact) = problem.fact() {
             sink.note("units", &fact);
         }
-        let output = &self.installed.manifest.output;
+        let output = &manifest.output;
         if let Some(file) = &output.file {
             // The answer of the last call is none of this one's.
             match fs::remove_file(scratch.join(file)) {
