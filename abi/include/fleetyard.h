@@ -32,6 +32,16 @@
 #define FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID "fleetyard.instance-generator/1"
 #define FLEETYARD_INVOCATION_POLICY_FACTORY_ID "fleetyard.invocation-policy/1"
 
+/* Identifiers of parts: FleetyardTraffic, FleetyardRestOfPlan, FleetyardGoalTasks, and a
+ * FleetyardBytes with what the plugin kept last. */
+#define FLEETYARD_TRAFFIC_ID "fleetyard.traffic/1"
+#define FLEETYARD_REST_OF_PLAN_ID "fleetyard.rest-of-plan/1"
+#define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
+#define FLEETYARD_KEPT_ID "fleetyard.kept/1"
+
+/* Identifiers for get_extension of a sink: FleetyardKeep. */
+#define FLEETYARD_KEEP_ID "fleetyard.keep/1"
+
 
 /*
  Major version of the ABI; host and plugin agree only when it is equal.
@@ -42,6 +52,11 @@
  Minor version of the ABI; grows with additions that old plugins can ignore.
  */
 #define FLEETYARD_ABI_MINOR 0
+
+/*
+ Most bytes that a plugin may keep.
+ */
+#define FLEETYARD_KEPT_LIMIT (1 << 20)
 
 /*
  Success, for functions that return a result code.
@@ -970,7 +985,7 @@ typedef struct FleetyardInstance {
    */
   double goal_tolerance_rad;
   /*
-   None yet.
+   See `FLEETYARD_TRAFFIC_ID` and those after it.
    */
   struct FleetyardParts parts;
 } FleetyardInstance;
@@ -1142,7 +1157,11 @@ typedef struct FleetyardFleetState {
    */
   const uint32_t *task_places;
   /*
-   None yet.
+   `tasks` times at which tasks were released.
+   */
+  const double *task_released_s;
+  /*
+   See `FLEETYARD_TRAFFIC_ID` and those after it.
    */
   struct FleetyardParts parts;
 } FleetyardFleetState;
@@ -1194,6 +1213,181 @@ typedef struct FleetyardRequest {
    */
   struct FleetyardParts parts;
 } FleetyardRequest;
+
+/*
+ Averages at a moment. Everything is 0 in the first one, which is taken when a run begins.
+ */
+typedef struct FleetyardSnapshot {
+  /*
+   `sizeof(FleetyardSnapshot)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   How many were taken before: a key for caches.
+   */
+  uint64_t number;
+  /*
+   Per place, the share of time in which somebody stood there whose goal is elsewhere, in units
+   of 1/255.
+   */
+  const uint8_t *waiting;
+  /*
+   Per move, the flow in units of `FleetyardTraffic::flow_unit_per_s`: on a grid the moves from
+   cell 0 in the order of the bits of `FleetyardGrid::moves`, 4 or 8 of them, then those from
+   cell 1; on a roadmap its edges.
+   */
+  const uint8_t *flow;
+} FleetyardSnapshot;
+
+/*
+ Part of instances and states: averages of where robots wait, and which way they go. Like the
+ other parts of this kind, the host hands it to plugins alone that list it in their features.
+ */
+typedef struct FleetyardTraffic {
+  /*
+   `sizeof(FleetyardTraffic)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of places of the map.
+   */
+  uint32_t places;
+  /*
+   Number of flows: cells by neighbours on a grid, edges on a roadmap.
+   */
+  uint64_t flows;
+  /*
+   Simulated time from a snapshot to the next.
+   */
+  double period_s;
+  /*
+   Time constant of the exponential averages.
+   */
+  double time_constant_s;
+  /*
+   Simulated time since the last snapshot was taken.
+   */
+  double since_s;
+  /*
+   A flow of 1 stands for so many moves per second.
+   */
+  double flow_unit_per_s;
+  /*
+   The last snapshot.
+   */
+  const struct FleetyardSnapshot *last;
+  /*
+   The one before; the same as long as there is only one.
+   */
+  const struct FleetyardSnapshot *before;
+} FleetyardTraffic;
+
+/*
+ Part of instances and states: what of the last plan nobody is committed to.
+ */
+typedef struct FleetyardRestOfPlan {
+  /*
+   `sizeof(FleetyardRestOfPlan)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of agents.
+   */
+  uint32_t agents;
+  /*
+   `agents + 1` offsets into `moves`.
+   */
+  const uint64_t *offsets;
+  /*
+   A letter of `NESWnesw` per step of an agent from its start on, `.` for a wait.
+   */
+  const uint8_t *moves;
+} FleetyardRestOfPlan;
+
+/*
+ Part of instances and states: the tasks that goals belong to, and since when agents have them.
+ */
+typedef struct FleetyardGoalTasks {
+  /*
+   `sizeof(FleetyardGoalTasks)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   Number of goals: those of the instance, in their order.
+   */
+  uint64_t goals;
+  /*
+   Simulated time since the run began.
+   */
+  double time_s;
+  /*
+   The task of each goal; `UINT64_MAX` for one that is of no task, or not the agent's own.
+   */
+  const uint64_t *tasks;
+  /*
+   Which of the task's places each goal is; `FLEETYARD_NONE` as above.
+   */
+  const uint32_t *errands;
+  /*
+   When the task of each goal was released; for other goals as `given_s`.
+   */
+  const double *released_s;
+  /*
+   When the task of each goal was given to the agent. A goal without a task is given when the
+   one before it is reached; `time_s` if that is still to come.
+   */
+  const double *given_s;
+} FleetyardGoalTasks;
+
+/*
+ Bytes of a plugin's own.
+ */
+typedef struct FleetyardBytes {
+  /*
+   `sizeof(FleetyardBytes)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `len` bytes; may be null when there are none.
+   */
+  const uint8_t *ptr;
+  /*
+   Their number, at most `FLEETYARD_KEPT_LIMIT`.
+   */
+  uint64_t len;
+} FleetyardBytes;
+
+/*
+ Extension of the sink in `plan`, `recover` and `generate`: the host keeps bytes for the plugin.
+ */
+typedef struct FleetyardKeep {
+  /*
+   `sizeof(FleetyardKeep)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `[any-thread]` Keeps bytes in place of those before; the next call has them as the part
+   `FLEETYARD_KEPT_ID`, if the plugin lists that in its features. The last ones of a call count,
+   and only if it ends well and in time. Copies. Returns as `FleetyardSink::submit_plan`.
+   */
+  int32_t (*keep)(void *sink_context, const struct FleetyardBytes *bytes);
+} FleetyardKeep;
 
 /*
  The status of the fleet: the input of an invocation policy.
@@ -1427,8 +1621,7 @@ typedef struct FleetyardDescriptor {
   uint64_t capabilities;
   /*
    `feature_count` names of what has no bit: `dynamics:NAME` for each model of robots that
-   it plans for, `part:ID` for each critical part that it understands. May be null when there
-   are none.
+   it plans for, `part:ID` for each part that it reads. May be null when there are none.
    */
   const struct FleetyardStr *features;
 } FleetyardDescriptor;

@@ -335,8 +335,120 @@ public:
     return std::nullopt;
   }
 
+  /* The structure of a part, if there is one and it is not JSON. */
+  template <class T> std::optional<T> structure(std::string_view id) const {
+    const std::optional<Part> part = find(id);
+    if (!part || part->json())
+      return std::nullopt;
+    return detail::checked(static_cast<const T *>(part->data()), "part.data");
+  }
+
 private:
   Span<FleetyardPart> list_;
+};
+
+/* Averages of how a fleet moves, at a moment. Everything is 0 in the first ones. */
+struct Snapshot {
+  std::uint64_t number = 0;   /* how many were taken before: a key for caches */
+  Span<std::uint8_t> waiting; /* per place, the share of time in units of 1/255 */
+  Span<std::uint8_t> flow;    /* per cell and move, or per edge, in Traffic::flow_unit_per_s */
+};
+
+/* Where robots wait, and which way they go: two snapshots, a period apart. */
+class Traffic {
+public:
+  explicit Traffic(const FleetyardTraffic &raw)
+      : raw_(raw), last_(snapshot(raw.last)), before_(snapshot(raw.before)) {}
+
+  /* Simulated time from a snapshot to the next, and since the last one. */
+  double period_s() const noexcept { return raw_.period_s; }
+  double since_s() const noexcept { return raw_.since_s; }
+  /* Time constant of the exponential averages. */
+  double time_constant_s() const noexcept { return raw_.time_constant_s; }
+  /* A flow of 1 stands for so many moves per second. */
+  double flow_unit_per_s() const noexcept { return raw_.flow_unit_per_s; }
+  /* The last snapshot, and the one before: the same as long as there is only one. */
+  const Snapshot &last() const noexcept { return last_; }
+  const Snapshot &before() const noexcept { return before_; }
+
+private:
+  Snapshot snapshot(const FleetyardSnapshot *pointer) const {
+    const FleetyardSnapshot &raw = detail::checked(pointer, "traffic");
+    return {raw.number, detail::checked(raw.waiting, raw_.places, "traffic.waiting"),
+            detail::checked(raw.flow, static_cast<std::size_t>(raw_.flows), "traffic.flow")};
+  }
+
+  FleetyardTraffic raw_;
+  Snapshot last_, before_;
+};
+
+/* What of the last plan nobody is committed to. */
+class RestOfPlan {
+public:
+  explicit RestOfPlan(const FleetyardRestOfPlan &raw)
+      : paths_(raw.offsets, raw.moves, raw.agents, "rest_of_plan") {}
+
+  std::size_t agents() const noexcept { return paths_.size(); }
+  /* A letter of `NESWnesw` per step of an agent from its start on, `.` for a wait. */
+  std::string_view moves(std::size_t agent) const noexcept {
+    const Span<std::uint8_t> path = paths_[agent];
+    return {reinterpret_cast<const char *>(path.data()), path.size()};
+  }
+
+private:
+  detail::Lists<std::uint8_t> paths_;
+};
+
+/* The tasks that goals belong to: the goals of all agents one after the other, in the order of the
+ * instance. */
+struct GoalTasks {
+  static constexpr std::uint64_t no_task = UINT64_MAX;
+
+  double time_s;              /* since the run began */
+  Span<std::uint64_t> tasks;  /* `no_task` for a goal of none, or not the agent's own */
+  Span<std::uint32_t> errands; /* which of the task's places a goal is */
+  Span<double> released_s;    /* when its task was released; for other goals as given_s */
+  Span<double> given_s;       /* when the agent was given it; without a task, when the goal before
+                                 it was reached */
+
+  explicit GoalTasks(const FleetyardGoalTasks &raw)
+      : time_s(raw.time_s), tasks(column(raw.tasks, raw)), errands(column(raw.errands, raw)),
+        released_s(column(raw.released_s, raw)), given_s(column(raw.given_s, raw)) {
+    detail::zero(raw.reserved, "goal_tasks");
+  }
+
+private:
+  template <class T> static Span<T> column(const T *pointer, const FleetyardGoalTasks &raw) {
+    return detail::checked(pointer, static_cast<std::size_t>(raw.goals), "goal_tasks");
+  }
+};
+
+/* The memory that the host keeps of a fleet, of instances and states. It hands it to plugins alone
+ * that list `part:` and the identifier in their features. */
+template <class Input> class WithMemory {
+public:
+  std::optional<Traffic> traffic() const {
+    return read<Traffic, FleetyardTraffic>(FLEETYARD_TRAFFIC_ID);
+  }
+  std::optional<RestOfPlan> rest_of_plan() const {
+    return read<RestOfPlan, FleetyardRestOfPlan>(FLEETYARD_REST_OF_PLAN_ID);
+  }
+  std::optional<GoalTasks> goal_tasks() const {
+    return read<GoalTasks, FleetyardGoalTasks>(FLEETYARD_GOAL_TASKS_ID);
+  }
+  /* The bytes that this plugin kept last; empty when there are none. */
+  Span<std::uint8_t> kept() const {
+    const auto raw = parts().template structure<FleetyardBytes>(FLEETYARD_KEPT_ID);
+    return raw ? detail::checked(raw->ptr, static_cast<std::size_t>(raw->len), "kept")
+               : Span<std::uint8_t>();
+  }
+
+private:
+  Parts parts() const { return static_cast<const Input &>(*this).parts(); }
+  template <class T, class Raw> std::optional<T> read(std::string_view id) const {
+    const std::optional<Raw> raw = parts().template structure<Raw>(id);
+    return raw ? std::optional<T>(T(*raw)) : std::nullopt;
+  }
 };
 
 /* Limits of one call. The host enforces them. */
@@ -739,7 +851,7 @@ private:
 
 /* An instance: the input of a planner. Agents have places on grids and roadmaps, and states in
  * the plane. */
-class Instance {
+class Instance : public WithMemory<Instance> {
 public:
   explicit Instance(const FleetyardInstance *raw) : raw_(detail::checked(raw, "instance")) {
     detail::zero(raw_.reserved, "instance");
@@ -928,16 +1040,18 @@ private:
 struct Task {
   std::uint64_t id;
   Span<Place> places; /* to be visited in order */
+  double released_s;  /* simulated time */
 };
 
 /* The state of the fleet when everything committed has been executed, and the work that
  * is left. */
-class FleetState {
+class FleetState : public WithMemory<FleetState> {
 public:
   explicit FleetState(const FleetyardFleetState *raw)
       : raw_(detail::checked(raw, "state")), next_(raw_.next),
         tasks_(raw_.task_offsets, raw_.task_places, raw_.tasks, "state.tasks") {
     detail::checked(raw_.task_ids, raw_.tasks, "state.task_ids");
+    detail::checked(raw_.task_released_s, raw_.tasks, "state.task_released_s");
   }
 
   /* The next instance as it is if nobody is given more: starts, the goals that agents have
@@ -951,7 +1065,7 @@ public:
   double time_s() const noexcept { return raw_.time_s; }
   /* Number of open tasks. */
   std::uint32_t tasks() const noexcept { return raw_.tasks; }
-  Task task(std::size_t at) const noexcept { return {raw_.task_ids[at], tasks_[at]}; }
+  Task task(std::size_t at) const noexcept { return {raw_.task_ids[at], tasks_[at], raw_.task_released_s[at]}; }
   Parts parts() const { return Parts(raw_.parts); }
 
 private:
@@ -1105,6 +1219,16 @@ public:
     return static_cast<Result>(raw_->submit_request(raw_->context, &raw));
   }
 
+  /* Lets the host keep bytes in place of those before, at most FLEETYARD_KEPT_LIMIT: the next call
+   * has them as Instance::kept or FleetState::kept, if the plugin lists them in its features. The
+   * last ones of a call count, and only if it ends well and in time. */
+  Result keep(Span<std::uint8_t> bytes) const noexcept {
+    const auto *host = static_cast<const FleetyardKeep *>(extension(FLEETYARD_KEEP_ID));
+    if (!host || host->struct_size < sizeof *host)
+      return Result::busy;
+    const FleetyardBytes raw{sizeof raw, 0, bytes.data(), bytes.size()};
+    return static_cast<Result>(host->keep(raw_->context, &raw));
+  }
   /* Reports a figure such as `expansions`, kept as a claim. */
   void metric(std::string_view name, double value) const noexcept {
     raw_->metric(raw_->context, detail::str(name), value);

@@ -234,6 +234,47 @@ static inline const FleetyardPart *fleetyard_part(const FleetyardParts *parts, c
   return NULL;
 }
 
+/* The structure of a part with this identifier, or null: without one, or when it comes as JSON or
+ * is shorter than this header has it. */
+static inline const void *fleetyard_structure(const FleetyardParts *parts, const char *id,
+                                              size_t size) {
+  const FleetyardPart *part = fleetyard_part(parts, id);
+  uint32_t found = 0;
+  if (part && part->data && !(part->flags & FLEETYARD_PART_JSON))
+    memcpy(&found, part->data, sizeof found);
+  return found >= size ? part->data : NULL;
+}
+
+/* The memory that the host keeps of a fleet, of an instance or a state; null when it keeps none.
+ * It hands it to plugins alone that list `part:` and the identifier in their features. */
+static inline const FleetyardTraffic *fleetyard_traffic(const FleetyardParts *parts) {
+  return (const FleetyardTraffic *)fleetyard_structure(parts, FLEETYARD_TRAFFIC_ID,
+                                                       sizeof(FleetyardTraffic));
+}
+static inline const FleetyardRestOfPlan *fleetyard_rest_of_plan(const FleetyardParts *parts) {
+  return (const FleetyardRestOfPlan *)fleetyard_structure(parts, FLEETYARD_REST_OF_PLAN_ID,
+                                                          sizeof(FleetyardRestOfPlan));
+}
+static inline const FleetyardGoalTasks *fleetyard_goal_tasks(const FleetyardParts *parts) {
+  return (const FleetyardGoalTasks *)fleetyard_structure(parts, FLEETYARD_GOAL_TASKS_ID,
+                                                         sizeof(FleetyardGoalTasks));
+}
+/* The bytes that this plugin kept last. */
+static inline const FleetyardBytes *fleetyard_kept(const FleetyardParts *parts) {
+  return (const FleetyardBytes *)fleetyard_structure(parts, FLEETYARD_KEPT_ID,
+                                                     sizeof(FleetyardBytes));
+}
+
+/* Lets the host keep bytes for the next call, in place of those before. Returns as `submit_plan`;
+ * FLEETYARD_BUSY from a host that keeps none. */
+static inline int32_t fleetyard_keep(const FleetyardSink *sink, const void *bytes, uint64_t len) {
+  const FleetyardKeep *host = (const FleetyardKeep *)sink->get_extension(
+      sink->context, fleetyard_text(FLEETYARD_KEEP_ID));
+  FleetyardBytes kept = {sizeof kept, 0, (const uint8_t *)bytes, len};
+  return host && host->struct_size >= sizeof *host ? host->keep(sink->context, &kept)
+                                                   : FLEETYARD_BUSY;
+}
+
 /* True if the plugin's features name it after `sort`, which is `part:` or `dynamics:`. */
 static inline bool fleetyard_knows(const FleetyardDescriptor *about, const char *sort,
                                    FleetyardStr id) {
@@ -458,6 +499,13 @@ static inline uint32_t fleetyard_beside(const FleetyardGrid *grid, uint32_t cell
   int64_t col = (int64_t)(cell % grid->cols) + fleetyard_right(move);
   bool inside = row >= 0 && row < grid->rows && col >= 0 && col < grid->cols;
   return inside ? (uint32_t)(row * grid->cols + col) : FLEETYARD_NONE;
+}
+
+/* The move of a letter, as FleetyardRestOfPlan has them; -1 for no letter of a move. */
+static inline int fleetyard_move_of(uint8_t letter) {
+  static const char letters[] = "NESWnesw.";
+  const char *found = letter ? strchr(letters, letter) : NULL;
+  return found ? (int)(found - letters) : -1;
 }
 
 /* Where a move leads that a robot may make, or NONE. */

@@ -45,6 +45,19 @@ pub const INSTANCE_GENERATOR_FACTORY_ID: &str = "fleetyard.instance-generator/1"
 /// `get_factory` identifier of `FleetyardInvocationPolicyFactory`.
 pub const INVOCATION_POLICY_FACTORY_ID: &str = "fleetyard.invocation-policy/1";
 
+/// Identifier of a part, a `FleetyardTraffic`, of instances and states.
+pub const TRAFFIC_ID: &str = "fleetyard.traffic/1";
+/// Identifier of a part, a `FleetyardRestOfPlan`, of instances and states.
+pub const REST_OF_PLAN_ID: &str = "fleetyard.rest-of-plan/1";
+/// Identifier of a part, a `FleetyardGoalTasks`, of instances and states.
+pub const GOAL_TASKS_ID: &str = "fleetyard.goal-tasks/1";
+/// Identifier of a part, a `FleetyardBytes`, of instances and states: what the plugin kept last.
+pub const KEPT_ID: &str = "fleetyard.kept/1";
+/// Identifier of an extension of the sink, a `FleetyardKeep`.
+pub const KEEP_ID: &str = "fleetyard.keep/1";
+/// Most bytes that a plugin may keep.
+pub const KEPT_LIMIT: u64 = 1 << 20;
+
 /// Success, for functions that return a result code.
 pub const OK: i32 = 0;
 /// The submitted data are malformed: the call is lost.
@@ -549,7 +562,7 @@ pub struct Instance {
     pub goal_tolerance_m: f64,
     /// In the plane: the same of its heading.
     pub goal_tolerance_rad: f64,
-    /// None yet.
+    /// See `FLEETYARD_TRAFFIC_ID` and those after it.
     pub parts: Parts,
 }
 
@@ -663,7 +676,9 @@ pub struct FleetState {
     pub task_offsets: *const u64,
     /// The places that a task visits, in order.
     pub task_places: *const u32,
-    /// None yet.
+    /// `tasks` times at which tasks were released.
+    pub task_released_s: *const f64,
+    /// See `FLEETYARD_TRAFFIC_ID` and those after it.
     pub parts: Parts,
 }
 
@@ -694,6 +709,121 @@ pub struct Request {
     pub window_s: f64,
     /// None yet.
     pub parts: Parts,
+}
+
+/// Averages at a moment. Everything is 0 in the first one, which is taken when a run begins.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Snapshot {
+    /// `sizeof(FleetyardSnapshot)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// How many were taken before: a key for caches.
+    pub number: u64,
+    /// Per place, the share of time in which somebody stood there whose goal is elsewhere, in units
+    /// of 1/255.
+    pub waiting: *const u8,
+    /// Per move, the flow in units of `FleetyardTraffic::flow_unit_per_s`: on a grid the moves from
+    /// cell 0 in the order of the bits of `FleetyardGrid::moves`, 4 or 8 of them, then those from
+    /// cell 1; on a roadmap its edges.
+    pub flow: *const u8,
+}
+
+/// Part of instances and states: averages of where robots wait, and which way they go. Like the
+/// other parts of this kind, the host hands it to plugins alone that list it in their features.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Traffic {
+    /// `sizeof(FleetyardTraffic)`.
+    pub struct_size: u32,
+    /// Number of places of the map.
+    pub places: u32,
+    /// Number of flows: cells by neighbours on a grid, edges on a roadmap.
+    pub flows: u64,
+    /// Simulated time from a snapshot to the next.
+    pub period_s: f64,
+    /// Time constant of the exponential averages.
+    pub time_constant_s: f64,
+    /// Simulated time since the last snapshot was taken.
+    pub since_s: f64,
+    /// A flow of 1 stands for so many moves per second.
+    pub flow_unit_per_s: f64,
+    /// The last snapshot.
+    pub last: *const Snapshot,
+    /// The one before; the same as long as there is only one.
+    pub before: *const Snapshot,
+}
+
+/// Part of instances and states: what of the last plan nobody is committed to.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct RestOfPlan {
+    /// `sizeof(FleetyardRestOfPlan)`.
+    pub struct_size: u32,
+    /// Number of agents.
+    pub agents: u32,
+    /// `agents + 1` offsets into `moves`.
+    pub offsets: *const u64,
+    /// A letter of `NESWnesw` per step of an agent from its start on, `.` for a wait.
+    pub moves: *const u8,
+}
+
+/// Part of instances and states: the tasks that goals belong to, and since when agents have them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct GoalTasks {
+    /// `sizeof(FleetyardGoalTasks)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Number of goals: those of the instance, in their order.
+    pub goals: u64,
+    /// Simulated time since the run began.
+    pub time_s: f64,
+    /// The task of each goal; `UINT64_MAX` for one that is of no task, or not the agent's own.
+    pub tasks: *const u64,
+    /// Which of the task's places each goal is; `FLEETYARD_NONE` as above.
+    pub errands: *const u32,
+    /// When the task of each goal was released; for other goals as `given_s`.
+    pub released_s: *const f64,
+    /// When the task of each goal was given to the agent. A goal without a task is given when the
+    /// one before it is reached; `time_s` if that is still to come.
+    pub given_s: *const f64,
+}
+
+/// Bytes of a plugin's own.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Bytes {
+    /// `sizeof(FleetyardBytes)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// `len` bytes; may be null when there are none.
+    pub ptr: *const u8,
+    /// Their number, at most `FLEETYARD_KEPT_LIMIT`.
+    pub len: u64,
+}
+
+/// Extension of the sink in `plan`, `recover` and `generate`: the host keeps bytes for the plugin.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Keep {
+    /// `sizeof(FleetyardKeep)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// `[any-thread]` Keeps bytes in place of those before; the next call has them as the part
+    /// `FLEETYARD_KEPT_ID`, if the plugin lists that in its features. The last ones of a call count,
+    /// and only if it ends well and in time. Copies. Returns as `FleetyardSink::submit_plan`.
+    pub keep: Option<unsafe extern "C" fn(sink_context: *mut c_void, bytes: *const Bytes) -> i32>,
 }
 
 /// The status of the fleet: the input of an invocation policy.
@@ -842,8 +972,7 @@ pub struct Descriptor {
     /// Or of `FLEETYARD_CAPABILITY_*`.
     pub capabilities: u64,
     /// `feature_count` names of what has no bit: `dynamics:NAME` for each model of robots that
-    /// it plans for, `part:ID` for each critical part that it understands. May be null when there
-    /// are none.
+    /// it plans for, `part:ID` for each part that it reads. May be null when there are none.
     pub features: *const Str,
 }
 

@@ -77,6 +77,11 @@ const LAYOUTS: &[NamedLayout] = layouts![
     Visits,
     Trajectories,
     Json,
+    Traffic,
+    RestOfPlan,
+    GoalTasks,
+    Bytes,
+    Keep,
 ];
 
 /// The layouts as this build of the crate has them.

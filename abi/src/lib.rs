@@ -31,6 +31,7 @@ pub mod figures;
 #[cfg(feature = "layout")]
 pub mod layout;
 mod lists;
+pub mod memory;
 mod model;
 pub mod moves;
 pub mod object;
@@ -43,5 +44,6 @@ pub mod wire;
 pub use clock::monotonic_ns;
 pub use environment::*;
 pub use lists::{Goals, Lists};
+pub use memory::{GoalTasks, Kept, RestOfPlan, Snapshot, Traffic};
 pub use model::*;
 pub use plan::{GridPlan, Knot, KnotPlan, Plan, PlanRef, Visit, VisitPlan};

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::c;
 use crate::environment::{Environment, Footprint};
 use crate::lists::{Goals, Lists};
+use crate::memory::Data;
 
 /// The four kinds of plugin.
 #[derive(
@@ -250,7 +251,7 @@ pub struct Descriptor {
     #[serde(default)]
     pub options_schema: serde_json::Value,
     /// Names of what has no capability: `dynamics:NAME` for each model of robots that it plans
-    /// for, `part:ID` for each critical part that it understands.
+    /// for, `part:ID` for each part that it reads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<String>,
     /// Encoding of the paths that the host sends.
@@ -350,15 +351,39 @@ impl Budget {
 
 /// Data with a name, frozen under its identifier: the one way in which inputs grow.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "PartWire")]
+#[schemars(with = "PartWire")]
 pub struct Part {
     /// `fleetyard.NAME/REVISION`; third parties begin with a reversed domain name.
     pub id: String,
     /// True if who does not know the part has to answer `unsupported`.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(skip_serializing_if = "is_false")]
     pub critical: bool,
     /// The data.
+    pub data: Data,
+}
+
+/// Data with a name, frozen under its identifier: the one way in which inputs grow.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Part")]
+struct PartWire {
+    /// `fleetyard.NAME/REVISION`; third parties begin with a reversed domain name.
+    id: String,
+    /// True if who does not know the part has to answer `unsupported`.
+    #[serde(default, skip_serializing_if = "is_false")]
+    critical: bool,
+    /// The data.
     #[serde(default)]
-    pub data: serde_json::Value,
+    data: serde_json::Value,
+}
+
+impl TryFrom<PartWire> for Part {
+    type Error = String;
+
+    fn try_from(PartWire { id, critical, data }: PartWire) -> Result<Self, String> {
+        let data = Data::read(&id, data)?;
+        Ok(Self { id, critical, data })
+    }
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "for serde")]
@@ -921,12 +946,15 @@ impl Request {
 }
 
 /// An open task.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Task {
     /// Identifier.
     pub id: u64,
     /// The places that it visits, in order.
     pub places: Vec<u32>,
+    /// Simulated time at which it was released.
+    #[serde(default)]
+    pub released_s: f64,
 }
 
 /// The status of the fleet.

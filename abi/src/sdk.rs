@@ -144,6 +144,14 @@ pub trait Sink: Sync {
     fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected>;
     /// Hands over what a generator decided, in `generate`.
     fn submit_request(&self, request: &Request) -> Result<(), Rejected>;
+    /// Lets the host keep bytes in place of those before, at most
+    /// [`KEPT_LIMIT`](crate::c::KEPT_LIMIT): the next call has them as
+    /// [`Instance::kept`] or [`FleetState::kept`], if the descriptor lists `part:fleetyard.kept/1`.
+    /// The last ones of a call count, and only if it ends well and in time.
+    fn keep(&self, bytes: &[u8]) -> Result<(), Rejected> {
+        let _ = bytes;
+        Err(Rejected::Malformed)
+    }
     /// Reports a figure such as `expansions`, kept as a claim; those of
     /// [`FIGURES`](crate::figures::FIGURES) have a domain.
     fn metric(&self, name: &str, value: f64);

@@ -18,6 +18,7 @@ use serde_json::value::RawValue;
 
 use crate::clock::monotonic_ns;
 use crate::export::panic_message;
+use crate::memory::{Kept, may_be_kept};
 use crate::model::{self, Budget, Instance, LogLevel, PathEncoding, SharedEnvironment, Status};
 use crate::object::Object;
 use crate::paths::{PlanContext, WritePlan};
@@ -25,9 +26,9 @@ use crate::plan::PlanRef;
 use crate::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use crate::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, InitializeParams,
-    InitializeResult, LogParams, MetricParams, NoteParams, Outcome, PlanParams, PlanResult,
-    PlanText, PrepareParams, ProgressParams, RecoverParams, Request, Response, ShouldInvokeParams,
-    ShouldInvokeResult,
+    InitializeResult, KeepParams, LogParams, MetricParams, NoteParams, Outcome, PlanParams,
+    PlanResult, PlanText, PrepareParams, ProgressParams, RecoverParams, Request, Response,
+    ShouldInvokeParams, ShouldInvokeResult,
 };
 
 /// Serves a catalogue on standard input and output, until the host says `exit`
@@ -524,6 +525,20 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
             return Err(Rejected::Malformed);
         };
         *lock(next) = Some(request.clone());
+        Ok(())
+    }
+
+    fn keep(&self, bytes: &[u8]) -> Result<(), Rejected> {
+        if matches!(self.answer, Answer::None) || may_be_kept(bytes.len() as u64).is_err() {
+            return Err(Rejected::Malformed);
+        }
+        if self.given_up() || monotonic_ns() >= self.deadline_ns {
+            return Err(Rejected::TooLate);
+        }
+        let bytes = Kept {
+            bytes: bytes.to_vec(),
+        };
+        self.send(&Request::notification("keep", KeepParams { bytes }));
         Ok(())
     }
 

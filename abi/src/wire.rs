@@ -1,7 +1,7 @@
 //! The JSON wire: newline-delimited JSON-RPC 2.0.
 //!
 //! The host sends requests and `$/cancel`; the plugin sends responses and the
-//! notifications `incumbent`, `metric`, `note`, `progress` and `log`. One message a
+//! notifications `incumbent`, `keep`, `metric`, `note`, `progress` and `log`. One message a
 //! line, UTF-8, no batches. The protocol has a version of its own.
 //!
 //! | method | parameters | result |
@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use crate::environment::Environment;
+use crate::memory::Kept;
 use crate::model::{
     Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel, Request as NextRequest,
     Status,
@@ -389,6 +390,14 @@ pub struct MetricParams {
     pub name: String,
     /// Value.
     pub value: f64,
+}
+
+/// Parameters of the notification `keep`, in calls for plans and requests: bytes to be kept in place
+/// of those before. The last ones of a call count, and only if it ends well and in time.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct KeepParams {
+    /// The bytes.
+    pub bytes: Kept,
 }
 
 /// Parameters of the notification `note`.

@@ -57,6 +57,7 @@ fn state() -> FleetState {
             .map(|task| Task {
                 id: 1 << (10 * task),
                 places: vec![free[task * 20 + 3], free[task * 5]],
+                released_s: 0.0,
             })
             .collect(),
         parts: Vec::new(),
@@ -121,7 +122,8 @@ fn answers(attach: Attach, kind: Kind, id: &str) -> String {
                 }
             }
             Kind::InstanceGenerator => {
-                let next = session.generate(&state(), &BUDGET).expect("a request");
+                let made = session.generate(&state(), &BUDGET).expect("a request");
+                let next = made.request;
                 assert!(!next.assignments.is_empty(), "{id}");
                 answers.push(format!("{next:?}"));
             }

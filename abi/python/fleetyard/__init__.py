@@ -28,6 +28,7 @@ from ._failures import (
     Unsupported,
 )
 from ._maps import Environment, Footprint, Grid, Mover, Parts, Roadmap, Workspace
+from ._memory import KEPT_LIMIT, GoalTasks, RestOfPlan, Snapshot, Traffic
 from ._model import (
     OFF_MAP,
     Assignment,
@@ -56,6 +57,7 @@ from ._steps import Observation, StepPolicy, settle
 __version__ = "0.1.0"
 
 __all__ = [
+    "KEPT_LIMIT",
     "OFF_MAP",
     "PROTOCOL_VERSION",
     "Assignment",
@@ -69,6 +71,7 @@ __all__ = [
     "FleetStatus",
     "Footprint",
     "GaveUp",
+    "GoalTasks",
     "Grid",
     "Infeasible",
     "Instance",
@@ -85,12 +88,15 @@ __all__ = [
     "Planner",
     "Plugin",
     "Request",
+    "RestOfPlan",
     "Roadmap",
     "Robot",
+    "Snapshot",
     "State",
     "StepPolicy",
     "Task",
     "TimedOut",
+    "Traffic",
     "Trajectories",
     "Unsupported",
     "Visit",

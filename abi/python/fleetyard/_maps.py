@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
+from . import _memory
 from ._failures import InvalidInput, Unsupported
+from ._memory import GoalTasks, RestOfPlan, Traffic
 from ._numbers import Point, finite, lists, number, numbers, places, point, same_length
 
 MOVES = {
@@ -42,12 +44,37 @@ class Parts(Dict[str, Any]):
         """The features that a plugin must list."""
         return [f"part:{identifier}" for identifier in self.critical]
 
+    @property
+    def traffic(self) -> Optional[Traffic]:
+        """Averages of waiting and of flows, if the host keeps them for this plugin."""
+        return self.get(_memory.TRAFFIC)
+
+    @property
+    def rest_of_plan(self) -> Optional[RestOfPlan]:
+        """The rest of the last plan, if the host keeps it for this plugin."""
+        return self.get(_memory.REST_OF_PLAN)
+
+    @property
+    def goal_tasks(self) -> Optional[GoalTasks]:
+        """The tasks of goals, if the host keeps them for this plugin."""
+        return self.get(_memory.GOAL_TASKS)
+
+    @property
+    def kept(self) -> Optional[bytes]:
+        """The bytes that this plugin kept last (:meth:`Context.keep`)."""
+        return self.get(_memory.KEPT)
+
     @classmethod
     def _from_wire(cls, wire: Mapping[str, Any]) -> Parts:
         listed = wire.get("parts") or ()
-        parts = cls((str(part["id"]), part.get("data")) for part in listed)
+        parts = cls((str(part["id"]), _data(part)) for part in listed)
         parts.critical = tuple(str(part["id"]) for part in listed if part.get("critical"))
         return parts
+
+
+def _data(part: Mapping[str, Any]) -> Any:
+    read = _memory.READ.get(str(part["id"]))
+    return part.get("data") if read is None else read(part["data"])
 
 
 @dataclass(frozen=True)

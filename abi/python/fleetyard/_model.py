@@ -304,6 +304,8 @@ class Task:
     id: int
     places: List[int]
     """The places that it visits, in order."""
+    released_s: float = 0.0
+    """Simulated time at which it was released."""
 
 
 @dataclass
@@ -410,7 +412,10 @@ class FleetState:
             time_s=number(wire["time_s"]),
             next=Instance._from_wire(wire["next"], environment),
             tasks=[
-                Task(int(task["id"]), places(task["places"])) for task in wire.get("tasks") or ()
+                Task(
+                    int(task["id"]), places(task["places"]), number(task.get("released_s", 0.0))
+                )
+                for task in wire.get("tasks") or ()
             ],
             parts=Parts._from_wire(wire),
         )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, ClassVar, Dict, Mapping, Option
 
 from ._failures import Cancelled, InvalidInput, TimedOut
 from ._maps import Environment, Grid, Roadmap, Workspace
+from ._memory import KEPT_LIMIT
 from ._model import Budget, FleetState, FleetStatus, Instance, Request
 from ._plans import Form, Plan
 
@@ -29,11 +30,13 @@ class Context:
         request: int,
         budget: Optional[Budget] = None,
         form: Optional[Form] = None,
+        keeps: bool = False,
     ) -> None:
         self._channel = channel
         self._request = request
         self._budget = budget
         self._form = form
+        self._keeps = keeps or form is not None
         self._submitted = False
         self._thread = threading.get_ident()
         self._writing_ns = 0
@@ -66,6 +69,17 @@ class Context:
         self._notify("incumbent", lambda: {form.field: form.encode(plan)})
         self._submitted = True
         return True
+
+    def keep(self, data: bytes) -> None:
+        """Lets the host keep bytes in place of those before, at most :data:`KEPT_LIMIT`: the
+        next call has them as ``parts.kept`` of the instance or the state, if the plugin's
+        features list ``part:fleetyard.kept/1``. The last ones of a call count, and only if it ends
+        well and in time."""
+        if not self._keeps:
+            raise RuntimeError("only planners, fail policies and generators keep bytes")
+        if len(data) > KEPT_LIMIT:
+            raise ValueError(f"{len(data)} bytes are more than the limit of {KEPT_LIMIT}")
+        self._notify("keep", lambda: {"bytes": bytes(data).hex()})
 
     def metric(self, name: str, value: float) -> None:
         """Reports a figure such as ``expansions``, a claim. Some have a domain, such as
@@ -112,7 +126,7 @@ class Plugin(ABC):
     capabilities: ClassVar[Sequence[str]] = ()
     features: ClassVar[Sequence[str]] = ()
     """Names of what has no capability: ``dynamics:NAME`` for each model of robots that it plans
-    for, ``part:IDENTIFIER`` for each critical part that it understands."""
+    for, ``part:IDENTIFIER`` for each part that it reads."""
     options_schema: ClassVar[Optional[Mapping[str, Any]]] = None
     """JSON Schema of the options; ``None`` when there are none."""
 

@@ -240,7 +240,7 @@ class _Server:
         generator = self._of(InstanceGenerator, "generate")
         environment = self._prepared()
         budget = _read(Budget._from_wire, params, "budget")
-        context = Context(self._channel, request, budget)
+        context = Context(self._channel, request, budget, keeps=True)
         made: Dict[str, Any] = {}
 
         def generate() -> None:

@@ -343,6 +343,7 @@ impl CFleetState {
     pub fn new(state: &FleetState, environment: *const c::Environment) -> Self {
         let mut kept = Kept::default();
         let ids: Vec<u64> = state.tasks.iter().map(|task| task.id).collect();
+        let released: Vec<f64> = state.tasks.iter().map(|task| task.released_s).collect();
         let tasks = state.tasks.iter();
         let tasks: Lists<u32> = tasks.map(|task| task.places.iter().copied()).collect();
         let raw = c::FleetState {
@@ -353,6 +354,7 @@ impl CFleetState {
             task_ids: kept.list(ids),
             task_offsets: kept.list(tasks.offsets()),
             task_places: kept.list(tasks.items()),
+            task_released_s: kept.list(released),
             parts: kept.parts(&state.parts),
         };
         Self {
@@ -389,15 +391,19 @@ impl FleetState {
                 usize::MAX,
             )?
         };
-        let tasks = ids.iter().zip(places.iter());
+        let name = "state.task_released_s";
+        // SAFETY: as promised.
+        let released = unsafe { slice(name, state.task_released_s, tasks)? };
+        let tasks = ids.iter().zip(places.iter()).zip(released);
         Ok(Self {
             time_s: state.time_s,
             // SAFETY: as promised.
             next: unsafe { Instance::from_c(state.next)? },
             tasks: tasks
-                .map(|(id, places)| Task {
+                .map(|((id, places), released_s)| Task {
                     id: *id,
                     places: places.to_vec(),
+                    released_s: *released_s,
                 })
                 .collect(),
             // SAFETY: as promised.

@@ -7,6 +7,7 @@
 
 mod environment;
 mod instance;
+mod memory;
 mod options;
 mod plan;
 mod sink;
@@ -16,6 +17,7 @@ use std::ptr;
 
 use crate::c;
 use crate::lists::Lists;
+use crate::memory::Data;
 use crate::model::{Part, Status};
 use crate::sdk::Failure;
 
@@ -219,7 +221,8 @@ unsafe fn offsets_of(
 /// Most parts of an input or an output.
 const MOST_PARTS: u64 = 1 << 10;
 
-/// Copies parts. Those in JSON are kept, and others passed over, unless they are critical.
+/// Copies parts: those that this version knows, and those in JSON. Others are passed over, unless
+/// they are critical.
 ///
 /// # Safety
 /// As [`checked`], and there are as many parts as it says.
@@ -237,8 +240,13 @@ unsafe fn parts(parts: c::Parts) -> Result<Vec<Part>, Failure> {
         let id = unsafe { string(part.id) };
         let critical = flags & c::PART_CRITICAL != 0;
         if flags & c::PART_JSON == 0 {
-            if critical {
-                return Err(unsupported(format!("the critical part `{id}` is unknown")));
+            // SAFETY: as promised.
+            match unsafe { memory::data_from_c(&id, part.data)? } {
+                Some(data) => known.push(Part { id, critical, data }),
+                None if critical => {
+                    return Err(unsupported(format!("the critical part `{id}` is unknown")));
+                }
+                None => {}
             }
             continue;
         }
@@ -247,8 +255,9 @@ unsafe fn parts(parts: c::Parts) -> Result<Vec<Part>, Failure> {
         reserved("part.data", json.reserved)?;
         // SAFETY: as promised.
         let text = unsafe { string(json.text) };
-        let data = serde_json::from_str(&text)
+        let value = serde_json::from_str(&text)
             .map_err(|error| invalid(format!("the part `{id}` is not JSON: {error}")))?;
+        let data = Data::read(&id, value).map_err(invalid)?;
         known.push(Part { id, critical, data });
     }
     Ok(known)
@@ -291,22 +300,27 @@ impl Kept {
         }
     }
 
-    /// Keeps parts.
+    /// Keeps parts, whose data stay with their owner.
     fn parts(&mut self, parts: &[Part]) -> c::Parts {
         let raw: Vec<c::Part> = parts
             .iter()
             .map(|part| {
-                let text = self.text(part.data.to_string());
-                let json = c::Json {
-                    struct_size: size_of::<c::Json>(),
-                    reserved: 0,
-                    text,
+                let (data, form) = match &part.data {
+                    Data::Json(value) => {
+                        let json = c::Json {
+                            struct_size: size_of::<c::Json>(),
+                            reserved: 0,
+                            text: self.text(value.to_string()),
+                        };
+                        (self.one(json).cast(), c::PART_JSON)
+                    }
+                    data => (memory::data_to_c(data, self), 0),
                 };
                 let critical = if part.critical { c::PART_CRITICAL } else { 0 };
                 c::Part {
                     id: self.text(part.id.clone()),
-                    data: self.one(json).cast(),
-                    flags: c::PART_JSON | critical,
+                    data,
+                    flags: form | critical,
                     reserved: 0,
                 }
             })

@@ -3,6 +3,7 @@
 use std::ffi::c_void;
 use std::ptr;
 
+use super::memory::{bytes_from_c, bytes_to_c};
 use super::{checked, size_of, string};
 use crate::c;
 use crate::clock::monotonic_ns;
@@ -48,7 +49,7 @@ impl<'a> SinkContext<'a> {
             metric: Some(metric),
             note: Some(note),
             progress: Some(progress),
-            get_extension: Some(no_extension),
+            get_extension: Some(get_extension),
         }
     }
 
@@ -158,8 +159,31 @@ unsafe extern "C" fn note(pointer: *mut c_void, name: c::Str, text: c::Str) {
     context.sink.note(&name, &text);
 }
 
-unsafe extern "C" fn no_extension(_: *mut c_void, _: c::Str) -> *const c_void {
-    ptr::null()
+/// The extension by which the host keeps bytes.
+static KEEP: c::Keep = c::Keep {
+    struct_size: size_of::<c::Keep>(),
+    reserved: 0,
+    keep: Some(keep),
+};
+
+unsafe extern "C" fn get_extension(pointer: *mut c_void, id: c::Str) -> *const c_void {
+    // SAFETY: as above.
+    let (context, id) = unsafe { (context(pointer), string(id)) };
+    match id.as_str() {
+        // Calls about agents are those that know what was kept.
+        c::KEEP_ID if context.agents.is_some() => (&raw const KEEP).cast(),
+        _ => ptr::null(),
+    }
+}
+
+unsafe extern "C" fn keep(pointer: *mut c_void, bytes: *const c::Bytes) -> i32 {
+    // SAFETY: as above.
+    let context = unsafe { context(pointer) };
+    // SAFETY: the plugin's promise by the header.
+    match unsafe { bytes_from_c(bytes) } {
+        Ok(bytes) => code(context.sink.keep(&bytes)),
+        Err(failure) => context.broken(failure.message),
+    }
 }
 
 unsafe extern "C" fn fail(pointer: *mut c_void, message: c::Str) {
@@ -207,6 +231,19 @@ impl Sink for CSink<'_> {
         let submit = self.raw.submit_request.ok_or(Rejected::Malformed)?;
         // SAFETY: the request lives through the call.
         result(request.with_c(|raw| unsafe { submit(self.raw.context, raw) }))
+    }
+
+    fn keep(&self, bytes: &[u8]) -> Result<(), Rejected> {
+        let get_extension = self.raw.get_extension.ok_or(Rejected::Malformed)?;
+        // SAFETY: the sink is the host's, and the text is static.
+        let found = unsafe { get_extension(self.raw.context, c::Str::new(c::KEEP_ID)) };
+        // SAFETY: the host answers with the structure of that identifier, or null.
+        let extension = unsafe { checked("keep", found.cast::<c::Keep>()) };
+        let extension = extension.map_err(|_| Rejected::Malformed)?;
+        let keep = extension.keep.ok_or(Rejected::Malformed)?;
+        let bytes = bytes_to_c(bytes);
+        // SAFETY: the bytes live through the call.
+        result(unsafe { keep(self.raw.context, &raw const bytes) })
     }
 
     fn note(&self, name: &str, text: &str) {

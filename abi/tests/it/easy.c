@@ -415,6 +415,7 @@ static void answers(const FleetyardInstance *instance) {
 static void requests(FleetyardInstance next) {
   const uint64_t goal_offsets[] = {0, 0, 1}, task_offsets[] = {0, 1, 3}, ids[] = {7, 8};
   const uint32_t goals[] = {5}, places[] = {1, 3, 4};
+  const double released[] = {0.5, 1.5};
   next.goal_offsets = goal_offsets;
   next.goals = goals;
   next.window_steps = 9;
@@ -426,6 +427,7 @@ static void requests(FleetyardInstance next) {
   state.task_ids = ids;
   state.task_offsets = task_offsets;
   state.task_places = places;
+  state.task_released_s = released;
   FleetyardDecision decision = fleetyard_decide(&state);
   fleetyard_assign(&decision, 1, 0);
   CHECK(fleetyard_submit_request(&decision, &sink) == FLEETYARD_STATUS_SOLVED);
@@ -434,6 +436,61 @@ static void requests(FleetyardInstance next) {
   CHECK(decision.assignments[0].task == 8 && decision.assignments[0].agent == 0);
   fleetyard_free_decision(&decision);
   CHECK(!decision.assignments);
+}
+
+static uint8_t remembered[4];
+
+static int32_t remember(void *context, const FleetyardBytes *bytes) {
+  (void)context;
+  if (bytes->len > sizeof remembered)
+    return FLEETYARD_REJECTED;
+  memcpy(remembered, bytes->ptr, (size_t)bytes->len);
+  return FLEETYARD_OK;
+}
+
+static const void *keeps(void *context, FleetyardStr id) {
+  static const FleetyardKeep host = {sizeof host, 0, remember};
+  (void)context;
+  return fleetyard_equals(id, FLEETYARD_KEEP_ID) ? &host : NULL;
+}
+
+static const void *keeps_nothing(void *context, FleetyardStr id) {
+  (void)context, (void)id;
+  return NULL;
+}
+
+/* What the host keeps of a fleet is found by its type, unless it is JSON or too short. */
+static void memory(void) {
+  const uint8_t averages[] = {0, 255};
+  const FleetyardSnapshot first = {sizeof first, 0, 0, averages, averages};
+  FleetyardTraffic traffic = {sizeof traffic, 2, 2, 20, 50, 3.5, 0.5, &first, &first};
+  const uint64_t offsets[] = {0, 2};
+  const uint8_t moves[] = {'E', '.'};
+  const FleetyardRestOfPlan rest = {sizeof rest, 1, offsets, moves};
+  const uint64_t tasks[] = {7};
+  const uint32_t errands[] = {1};
+  const double times[] = {2.5};
+  const FleetyardGoalTasks goals = {sizeof goals, 0, 1, 9, tasks, errands, times, times};
+  const FleetyardBytes kept = {sizeof kept, 0, averages, 2};
+  FleetyardPart list[] = {{FLEETYARD_TEXT(FLEETYARD_TRAFFIC_ID), &traffic, 0, 0},
+                          {FLEETYARD_TEXT(FLEETYARD_REST_OF_PLAN_ID), &rest, 0, 0},
+                          {FLEETYARD_TEXT(FLEETYARD_GOAL_TASKS_ID), &goals, 0, 0},
+                          {FLEETYARD_TEXT(FLEETYARD_KEPT_ID), &kept, 0, 0}};
+  FleetyardParts parts = {list, 4};
+  CHECK(fleetyard_traffic(&parts)->last->waiting[1] == 255);
+  CHECK(fleetyard_move_of(fleetyard_rest_of_plan(&parts)->moves[0]) == 1);
+  CHECK(fleetyard_move_of('.') == 8 && fleetyard_move_of('x') < 0 && fleetyard_move_of(0) < 0);
+  CHECK(fleetyard_goal_tasks(&parts)->tasks[0] == 7 && fleetyard_kept(&parts)->len == 2);
+  traffic.struct_size--;
+  list[1].flags = FLEETYARD_PART_JSON;
+  parts.count = 3;
+  CHECK(!fleetyard_traffic(&parts) && !fleetyard_rest_of_plan(&parts) && !fleetyard_kept(&parts));
+
+  sink.get_extension = keeps_nothing;
+  CHECK(fleetyard_keep(&sink, averages, 2) == FLEETYARD_BUSY);
+  sink.get_extension = keeps;
+  CHECK(fleetyard_keep(&sink, averages, 2) == FLEETYARD_OK && remembered[1] == 255);
+  CHECK(fleetyard_keep(&sink, averages, 5) == FLEETYARD_REJECTED);
 }
 
 /* Paths grow as they need to, in any order of agents, and a plan is read past its end. */
@@ -506,6 +563,7 @@ int main(void) {
   sizes(&instance);
   answers(&instance);
   requests(instance);
+  memory();
   paths(&instance);
   planner.destroy(planner.context);
   return 0;

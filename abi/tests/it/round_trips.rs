@@ -8,9 +8,10 @@ use std::sync::Arc;
 use fleetyard_abi::convert::{CEnvironment, CFleetState, CInstance};
 use fleetyard_abi::moves::OFF_MAP;
 use fleetyard_abi::{
-    Environment, FleetState, Footprint, GridEnvironment, GridPlan, Heading, Instance, Knot,
-    KnotPlan, Limit, Lists, Motion, Mover, Objective, Part, Plan, RoadmapEnvironment, Robot, State,
-    Task, View, Visit, VisitPlan, WorkspaceEnvironment,
+    Environment, FleetState, Footprint, GoalTasks, GridEnvironment, GridPlan, Heading, Instance,
+    Kept, Knot, KnotPlan, Limit, Lists, Motion, Mover, Objective, Part, Plan, RestOfPlan,
+    RoadmapEnvironment, Robot, Snapshot, State, Task, Traffic, View, Visit, VisitPlan,
+    WorkspaceEnvironment,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -35,10 +36,65 @@ fn parts() -> impl Strategy<Value = Vec<Part>> {
         "[a-z \"\u{e4}]{0,5}".prop_map(|text| serde_json::json!({ "text": text })),
     ];
     let part = ("[a-z.]{1,8}/1", any::<bool>(), data);
-    vec(
-        part.prop_map(|(id, critical, data)| Part { id, critical, data }),
-        0..3,
-    )
+    let other = part.prop_map(|(id, critical, data): (_, _, serde_json::Value)| Part {
+        id,
+        critical,
+        data: data.into(),
+    });
+    vec(prop_oneof![other, memory()], 0..4)
+}
+
+/// Bytes of which many are 0.
+fn averages(len: usize) -> impl Strategy<Value = Vec<u8>> {
+    vec(prop_oneof![3 => Just(0), 1 => any::<u8>()], len)
+}
+
+fn traffic() -> impl Strategy<Value = Traffic> {
+    (0_usize..200, 0_usize..9).prop_flat_map(|(places, lanes)| {
+        let snapshot = || {
+            let snapshot = (0_u64..1 << 53, averages(places), averages(places * lanes));
+            snapshot.prop_map(|(number, waiting, flow)| Snapshot {
+                number,
+                waiting,
+                flow,
+            })
+        };
+        let times = [metres(), metres(), metres(), metres()];
+        (times, snapshot(), snapshot()).prop_map(
+            |([period_s, time_constant_s, since_s, flow_unit_per_s], last, before)| Traffic {
+                period_s,
+                time_constant_s,
+                since_s,
+                flow_unit_per_s,
+                last,
+                before,
+            },
+        )
+    })
+}
+
+/// A part that this version knows.
+fn memory() -> impl Strategy<Value = Part> {
+    let rest = vec("[.NESWnesw]{0,5}", 0..4).prop_map(|paths| RestOfPlan { paths });
+    let errand = option::of((0_u64..1 << 53, 0_u32..9));
+    let goals = (metres(), vec((errand, metres(), metres()), 0..4));
+    let goals = goals.prop_map(|(time_s, goals)| {
+        let mut tasks = GoalTasks {
+            time_s,
+            ..GoalTasks::default()
+        };
+        for (errand, released_s, given_s) in goals {
+            tasks.push(errand, released_s, given_s);
+        }
+        tasks
+    });
+    let kept = vec(any::<u8>(), 0..300).prop_map(|bytes| Kept { bytes });
+    prop_oneof![
+        traffic().prop_map(Part::from),
+        rest.prop_map(Part::from),
+        goals.prop_map(Part::from),
+        kept.prop_map(Part::from),
+    ]
 }
 
 fn grid() -> impl Strategy<Value = GridEnvironment> {
@@ -229,8 +285,12 @@ fn instance() -> impl Strategy<Value = Instance> {
 }
 
 fn state() -> impl Strategy<Value = FleetState> {
-    let task = (0_u64..1 << 53, vec(any::<u32>(), 0..3));
-    let task = task.prop_map(|(id, places)| Task { id, places });
+    let task = (0_u64..1 << 53, vec(any::<u32>(), 0..3), metres());
+    let task = task.prop_map(|(id, places, released_s)| Task {
+        id,
+        places,
+        released_s,
+    });
     (metres(), instance(), vec(task, 0..3), parts()).prop_map(|(time_s, next, tasks, parts)| {
         FleetState {
             time_s,

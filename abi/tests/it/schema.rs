@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fleetyard_abi::wire;
+use fleetyard_abi::{GoalTasks, Kept, RestOfPlan, Traffic, wire};
 use schemars::generate::SchemaSettings;
 
 /// Every message of the protocol, by the name of its method and its part.
@@ -24,12 +24,21 @@ struct Messages<'a> {
     should_invoke_params: wire::ShouldInvokeParams,
     should_invoke_result: wire::ShouldInvokeResult,
     incumbent_params: wire::IncumbentParams<'a>,
+    keep_params: wire::KeepParams,
     metric_params: wire::MetricParams,
     note_params: wire::NoteParams,
     progress_params: wire::ProgressParams,
     log_params: wire::LogParams,
     cancel_params: wire::CancelParams,
     error: wire::RpcError,
+    /// Data of the part `fleetyard.traffic/1`.
+    traffic_part: Traffic,
+    /// Data of the part `fleetyard.rest-of-plan/1`.
+    rest_of_plan_part: RestOfPlan,
+    /// Data of the part `fleetyard.goal-tasks/1`.
+    goal_tasks_part: GoalTasks,
+    /// Data of the part `fleetyard.kept/1`.
+    kept_part: Kept,
 }
 
 #[test]

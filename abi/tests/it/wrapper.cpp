@@ -541,6 +541,7 @@ void modules_of_fleets_are_called() {
   const FleetyardOptions options = {sizeof options, 0, nullptr, {}};
   const std::uint64_t ids[] = {7}, task_offsets[] = {0, 2};
   const std::uint32_t places[] = {0, 1};
+  const double released[] = {0.5};
   FleetyardFleetState state{};
   state.struct_size = sizeof state;
   state.tasks = 1;
@@ -548,6 +549,7 @@ void modules_of_fleets_are_called() {
   state.task_ids = ids;
   state.task_offsets = task_offsets;
   state.task_places = places;
+  state.task_released_s = released;
   world.instance.window_steps = 5;
   FleetyardInstanceGenerator generator{};
   generator.struct_size = sizeof generator;
@@ -602,6 +604,55 @@ void modules_of_fleets_are_called() {
   invocation.destroy(invocation.context);
 }
 
+std::vector<std::uint8_t> remembered;
+
+std::int32_t remember(void *, const FleetyardBytes *bytes) {
+  remembered.assign(bytes->ptr, bytes->ptr + bytes->len);
+  return FLEETYARD_OK;
+}
+
+const void *keeps(void *, FleetyardStr id) {
+  static const FleetyardKeep host = {sizeof host, 0, remember};
+  return fleetyard::detail::view(id) == FLEETYARD_KEEP_ID ? &host : nullptr;
+}
+
+/* What the host keeps of a fleet has a type, on instances and states alike. */
+void memory_is_read() {
+  World world;
+  const std::uint8_t averages[] = {0, 255}, letters[] = {'E', '.'};
+  const FleetyardSnapshot first = {sizeof first, 0, 0, averages, averages};
+  FleetyardSnapshot second = {sizeof second, 0, 1, averages, averages};
+  const FleetyardTraffic traffic = {sizeof traffic, 2, 2, 20, 50, 3.5, 0.5, &second, &first};
+  const std::uint64_t offsets[] = {0, 2}, tasks[] = {fleetyard::GoalTasks::no_task};
+  const std::uint32_t errands[] = {fleetyard::none};
+  const double times[] = {2.5};
+  const FleetyardRestOfPlan rest = {sizeof rest, 1, offsets, letters};
+  const FleetyardGoalTasks goals = {sizeof goals, 0, 1, 9, tasks, errands, times, times};
+  const FleetyardBytes kept = {sizeof kept, 0, averages, 2};
+  FleetyardPart list[] = {{fleetyard::detail::str(FLEETYARD_TRAFFIC_ID), &traffic, 0, 0},
+                          {fleetyard::detail::str(FLEETYARD_REST_OF_PLAN_ID), &rest, 0, 0},
+                          {fleetyard::detail::str(FLEETYARD_GOAL_TASKS_ID), &goals, 0, 0},
+                          {fleetyard::detail::str(FLEETYARD_KEPT_ID), &kept, 0, 0}};
+  world.instance.parts = {list, 4};
+  const fleetyard::Instance instance(&world.instance);
+  EXPECT(instance.traffic()->last().number == 1 && instance.traffic()->before().flow[1] == 255);
+  EXPECT(same(instance.traffic()->since_s(), 3.5));
+  EXPECT(instance.rest_of_plan()->moves(0) == "E.");
+  EXPECT(instance.goal_tasks()->tasks[0] == fleetyard::GoalTasks::no_task);
+  EXPECT(same(instance.goal_tasks()->given_s[0], 2.5) && instance.kept().size() == 2);
+  second.struct_size--;
+  EXPECT(failure_of([&] { instance.traffic(); }) == "status");
+  world.instance.parts = {};
+  const fleetyard::Instance forgetful(&world.instance);
+  EXPECT(!forgetful.traffic() && !forgetful.goal_tasks() && forgetful.kept().empty());
+
+  FleetyardSink host = sink;
+  EXPECT(fleetyard::Sink(&host).keep({averages, 2}) == fleetyard::Result::busy);
+  host.get_extension = keeps;
+  EXPECT(fleetyard::Sink(&host).keep({averages, 2}) == fleetyard::Result::ok);
+  EXPECT(remembered == std::vector<std::uint8_t>({0, 255}));
+}
+
 } // namespace
 
 int main() {
@@ -615,5 +666,6 @@ int main() {
   roadmaps_are_read();
   workspaces_are_read();
   modules_of_fleets_are_called();
+  memory_is_read();
   return 0;
 }

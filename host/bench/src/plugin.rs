@@ -185,6 +185,7 @@ impl Plugin {
             attach: attach.name().to_owned(),
             digest: Some(self.digest),
             options: options.clone(),
+            memory: fleetyard_fleet::memory_of(&descriptor.features),
         };
         let (runtime, file) = (runtime.clone(), self.file.clone());
         let start = move || {

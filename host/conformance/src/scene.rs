@@ -371,6 +371,7 @@ impl Question for Scene {
                 .into_iter()
                 .filter_map(|at| cells.get(at % cells.len().max(1)).copied())
                 .collect(),
+            released_s: index as f64,
         };
         FleetState {
             time_s: 12.5,

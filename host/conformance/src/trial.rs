@@ -466,7 +466,11 @@ impl<'a> Trial<'a> {
                 state.parts.extend(more());
                 state.next.parts.extend(more());
                 let answered = session.generate(&state, &budget);
-                answered_by(answered.map(Said::Request), started.elapsed(), call)
+                answered_by(
+                    answered.map(|made| Said::Request(made.request)),
+                    started.elapsed(),
+                    call,
+                )
             }
             Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
         }?;

@@ -71,9 +71,10 @@
 //! pending node, with room for up to twice as many since it grows by doubling, 40 an agent and
 //! 12 a cell of the map.
 
+use std::cmp::Reverse;
 use std::mem;
 
-use fleetyard_abi::Heading;
+use fleetyard_abi::{Heading, Lists};
 use fleetyard_core::{Grid, OFF_MAP};
 
 use crate::batch::Batch;
@@ -188,6 +189,10 @@ pub struct Cut {
     pub next_goal: Vec<u32>,
     /// Nodes that were dropped.
     pub dropped: usize,
+    /// What was dropped, a string of moves per agent from its cell on, if the graph was asked to
+    /// tell ([`Adg::tell_rest`]). Moves of the last batch are at their steps, counted from the first
+    /// one that was dropped, so that paths do not collide.
+    pub rest: Vec<String>,
 }
 
 /// A robot's visit to a cell, with the node that begins it. Links are indices into the
@@ -208,6 +213,8 @@ struct Visit {
     ahead: u32,
     behind: u32,
     heading: Heading,
+    /// True if the turns before the node take steps.
+    turning: bool,
     /// The batch that it came with, and the step of it after which the node begins: turns that take
     /// steps are part of it.
     batch: u32,
@@ -272,6 +279,8 @@ pub struct Adg {
     step: u32,
     /// True if turns take steps in it.
     turning: bool,
+    /// True if cuts tell what they drop.
+    tells_rest: bool,
     /// A bit per robot whose next node may have become free to be enqueued.
     ready: Vec<u64>,
     // Memory that calls would else ask for each time.
@@ -329,6 +338,7 @@ impl Adg {
                 ahead: NONE,
                 behind: NONE,
                 heading,
+                turning: false,
                 batch: 0,
                 step: 0,
             });
@@ -357,6 +367,7 @@ impl Adg {
             batches: 0,
             step: 0,
             turning: false,
+            tells_rest: false,
             active: Vec::new(),
             movers: Vec::new(),
             stack: Vec::new(),
@@ -562,6 +573,7 @@ impl Adg {
             ahead,
             behind: NONE,
             heading,
+            turning: self.turning,
             batch: self.batches,
             step: self.step.saturating_sub(turning_steps),
         };
@@ -734,9 +746,73 @@ impl Adg {
         self.keep(&last)
     }
 
+    /// Lets cuts tell what they drop.
+    pub fn tell_rest(&mut self) {
+        self.tells_rest = true;
+    }
+
+    /// The moves behind the given visits, one of each agent.
+    fn rest(&self, last: &[u32]) -> Vec<String> {
+        // Batch, counted back from the last one, steps of beginning and arrival, and the move.
+        let mut moves: Lists<(u32, u32, u32, char)> = Lists::with_capacity(last.len(), 0);
+        for last in last {
+            let mut at = *last;
+            while let Some(visit) = self.visits.get(self.visits[at as usize].after as usize) {
+                let from = &self.visits[at as usize];
+                at = from.after;
+                if visit.node.cell == from.node.cell {
+                    continue;
+                }
+                let turns = if visit.turning {
+                    from.heading.quarters_to(visit.heading)
+                } else {
+                    0
+                };
+                let letter = match visit.heading {
+                    Heading::North => 'N',
+                    Heading::East => 'E',
+                    Heading::South => 'S',
+                    Heading::West => 'W',
+                };
+                let ago = self.batches.wrapping_sub(visit.batch);
+                moves.push_item((ago, visit.step, visit.step + turns + 1, letter));
+            }
+            moves.end_list();
+        }
+        // Of earlier batches only the order counts.
+        let earlier = moves.items().iter().filter(|(ago, ..)| *ago > 0);
+        let mut earlier: Vec<_> = earlier
+            .map(|(ago, _, step, _)| (Reverse(*ago), *step))
+            .collect();
+        earlier.sort_unstable();
+        earlier.dedup();
+        let recent = moves.items().iter().filter(|(ago, ..)| *ago == 0);
+        let first = recent.map(|(_, begin, ..)| *begin).min().unwrap_or(0);
+        let first = if earlier.is_empty() { first } else { 0 };
+        let when = |(ago, _, step, _): (u32, u32, u32, char)| match ago {
+            0 => earlier.len() + (step - first) as usize,
+            ago => earlier.partition_point(|other| *other < (Reverse(ago), step)) + 1,
+        };
+        let path = |moves: &[(u32, u32, u32, char)]| {
+            let mut letters = String::new();
+            for found in moves {
+                let waits = when(*found).saturating_sub(letters.len() + 1);
+                letters.extend(std::iter::repeat_n('.', waits));
+                letters.push(found.3);
+            }
+            letters
+        };
+        moves.iter().map(path).collect()
+    }
+
     /// Drops everything behind the given visits, one of each agent.
     fn keep(&mut self, last: &[u32]) -> Cut {
         let before = self.pending;
+        let rest = if self.tells_rest {
+            self.rest(last)
+        } else {
+            Vec::new()
+        };
         for (agent, last) in last.iter().copied().enumerate() {
             self.drop_behind(agent, last);
         }
@@ -749,6 +825,7 @@ impl Adg {
             headings: ends.map(|end| end.heading).collect(),
             next_goal: self.robots.iter().map(|robot| robot.next_goal).collect(),
             dropped: before - self.pending,
+            rest,
         }
     }
 

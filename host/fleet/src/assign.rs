@@ -7,7 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
-use fleetyard_abi::{Goals, Task};
+use fleetyard_abi::{GoalTasks, Goals, Task};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Grid, InputError, OFF_MAP, Role};
 use fleetyard_sim::trace::Errand;
@@ -132,6 +132,8 @@ struct Stream {
     /// Index of the first goal that is not forgotten.
     base: u32,
     goals: VecDeque<u32>,
+    /// Since when that goal is the agent's current one.
+    since_s: f64,
 }
 
 impl Stream {
@@ -171,12 +173,15 @@ struct Open {
     id: u64,
     row: u32,
     col: u32,
+    released_s: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Given {
     id: u64,
     end: u32,
+    released_s: f64,
+    given_s: f64,
 }
 
 impl Tasks {
@@ -184,23 +189,33 @@ impl Tasks {
         &self.list[(id % self.list.len() as u64) as usize]
     }
 
-    fn reveal(&mut self, cols: u32) {
+    fn reveal(&mut self, cols: u32, released_s: f64) {
         while self.ongoing < self.reveal {
             let id = self.next;
             let cell = self.cells(id)[0];
             let (row, col) = (cell / cols, cell % cols);
-            self.open.push(Open { id, row, col });
+            self.open.push(Open {
+                id,
+                row,
+                col,
+                released_s,
+            });
             self.next += 1;
             self.ongoing += 1;
         }
     }
 
     /// Gives the open task at a place of the list to an agent.
-    fn give(&mut self, at: usize, agent: usize, stream: &mut Stream) {
+    fn give(&mut self, at: usize, agent: usize, stream: &mut Stream, given_s: f64) {
         let task = self.open.remove(at);
         stream.goals.extend(self.cells(task.id));
         let end = stream.end() - 1;
-        self.given[agent].push_back(Given { id: task.id, end });
+        self.given[agent].push_back(Given {
+            id: task.id,
+            end,
+            released_s: task.released_s,
+            given_s,
+        });
     }
 
     /// The open task that begins nearest to a cell, the oldest of several.
@@ -220,6 +235,8 @@ pub struct Assigner {
     random: SeededRandom,
     draw: Draw,
     streams: Vec<Stream>,
+    /// Simulated time.
+    now_s: f64,
 }
 
 impl Assigner {
@@ -289,8 +306,10 @@ impl Assigner {
             before: *start,
             base: 0,
             goals: VecDeque::new(),
+            since_s: 0.0,
         };
         Self {
+            now_s: 0.0,
             cols: grid.cols(),
             random: SeededRandom::new("fleet goals", seed),
             draw,
@@ -301,6 +320,11 @@ impl Assigner {
     /// Number of agents.
     pub fn agents(&self) -> usize {
         self.streams.len()
+    }
+
+    /// Says what time it is: tasks are released and given, and goals reached, from now on then.
+    pub fn set_time(&mut self, now_s: f64) {
+        self.now_s = now_s;
     }
 
     /// Start cells of the agents. They look to the north.
@@ -326,16 +350,9 @@ impl Assigner {
 
     /// The place in a task of an agent's goal that is not reached, if goals come from tasks.
     pub fn errand(&self, agent: usize, index: u32) -> Option<Errand> {
-        let Draw::Tasks(tasks) = &self.draw else {
-            return None;
-        };
-        let given = tasks.given[agent].iter().find(|task| task.end >= index)?;
-        let of = tasks.cells(given.id).len() as u32;
-        Some(Errand {
-            task: given.id,
-            at: (index + of).checked_sub(given.end + 1)?,
-            of,
-        })
+        let (task, at, of) = self.given(agent, index)?;
+        let task = task.id;
+        Some(Errand { task, at, of })
     }
 
     /// An agent has reached a goal and all before it: they are forgotten, and tasks that
@@ -355,11 +372,47 @@ impl Assigner {
                     tasks.ongoing -= 1;
                 }
                 stream.base += 1;
+                stream.since_s = self.now_s;
             }
         }
         if let Draw::Tasks(tasks) = &mut self.draw {
-            tasks.reveal(self.cols);
+            tasks.reveal(self.cols, self.now_s);
         }
+    }
+
+    /// The tasks of goals as [`upcoming`](Self::upcoming) lists them for agents with these next
+    /// ones.
+    pub fn goal_tasks(&self, goals: &Goals, next_goal: &[u32]) -> GoalTasks {
+        let time_s = self.now_s;
+        let mut all = GoalTasks {
+            time_s,
+            ..GoalTasks::default()
+        };
+        for (agent, (goals, next)) in goals.iter().zip(next_goal).enumerate() {
+            let stream = &self.streams[agent];
+            for index in (*next..).take(goals.len()) {
+                let current = index == stream.base && index < stream.end();
+                let since_s = if current { stream.since_s } else { time_s };
+                match self.given(agent, index) {
+                    Some((task, at, _)) => {
+                        all.push(Some((task.id, at)), task.released_s, task.given_s);
+                    }
+                    None => all.push(None, since_s, since_s),
+                }
+            }
+        }
+        all
+    }
+
+    /// The task of a goal that is not reached, which of its places that is, and of how many.
+    fn given(&self, agent: usize, index: u32) -> Option<(Given, u32, u32)> {
+        let Draw::Tasks(tasks) = &self.draw else {
+            return None;
+        };
+        let given = tasks.given[agent].iter().find(|task| task.end >= index)?;
+        let of = tasks.cells(given.id).len() as u32;
+        let at = (index + of).checked_sub(given.end + 1)?;
+        Some((*given, at, of))
     }
 
     /// The goals of every agent that will be in `cells` and has `next_goal` as its next
@@ -421,7 +474,7 @@ impl Assigner {
                 break;
             };
             let stream = &mut self.streams[agent];
-            tasks.give(nearest, agent, stream);
+            tasks.give(nearest, agent, stream, self.now_s);
             if let Some((way, at)) = way_left(agent, stream) {
                 waiting.push(Reverse((way, agent, at)));
             }
@@ -436,6 +489,7 @@ impl Assigner {
         let task = |open: &Open| Task {
             id: open.id,
             places: tasks.cells(open.id).to_vec(),
+            released_s: open.released_s,
         };
         tasks.open.iter().map(task).collect()
     }
@@ -460,7 +514,7 @@ impl Assigner {
         let open = |tasks: &Tasks| tasks.open.binary_search_by_key(&task, |open| open.id).ok();
         match &mut self.draw {
             Draw::Tasks(tasks) if let Some(at) = open(tasks) => {
-                tasks.give(at, agent as usize, stream);
+                tasks.give(at, agent as usize, stream, self.now_s);
                 Ok(())
             }
             _ => Err(format!(
@@ -502,7 +556,7 @@ impl Draw {
                     open: Vec::new(),
                     given: vec![VecDeque::new(); agents],
                 };
-                tasks.reveal(grid.cols());
+                tasks.reveal(grid.cols(), 0.0);
                 Self::Tasks(tasks)
             }
         })

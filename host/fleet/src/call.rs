@@ -11,11 +11,12 @@ use fleetyard_abi::{
     SharedEnvironment, Status,
 };
 use fleetyard_core::{Connectivity, Grid, GridPlan};
-use fleetyard_runtime::{Fault, PlanRun, Termination};
+use fleetyard_runtime::{Fault, Generated, PlanRun, Termination};
 
 use crate::batch::{Batch, judge};
+use crate::memory::Memory;
 use crate::modules::{Module, budget};
-use crate::recording::Notice;
+use crate::recording::{KeptBytes, Notice};
 use crate::{By, EventKind, FleetConfig, FleetError};
 
 /// A call.
@@ -25,6 +26,8 @@ pub(crate) struct Call {
     pub(crate) number: u64,
     /// The fleet's state, of which the generator makes an instance.
     pub(crate) state: FleetState,
+    /// What goes with it to those who read it.
+    pub(crate) memory: Memory,
 }
 
 /// The answer to a call.
@@ -45,6 +48,8 @@ pub(crate) struct Answer {
     pub(crate) planner_ms: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     pub(crate) recovery_ms: Option<f64>,
+    /// Bytes that modules kept, where they are others than before.
+    pub(crate) kept: Vec<KeptBytes>,
     /// Faults and other events.
     pub(crate) notices: Vec<Notice>,
 }
@@ -143,6 +148,7 @@ impl Pipeline {
             motion: state.next.motion,
             planner_ms: None,
             recovery_ms: None,
+            kept: Vec::new(),
             notices: Vec::new(),
         };
         let mut failed = None;
@@ -176,14 +182,20 @@ impl Pipeline {
     /// The request for the next instance, if there is one that may be asked.
     fn generate(&mut self, call: &Call, answer: &mut Answer) -> Option<Request> {
         let wall_s = self.config.allowance.call_s;
-        let made = ask(
+        let state = call.memory.of_state(&call.state, self.generator.info());
+        let Generated {
+            request: made,
+            kept,
+        } = ask(
             &mut self.generator,
             &self.environment,
             &self.config,
             &mut answer.notices,
             (EventKind::GeneratorFault, call.number, wall_s),
-            |session, budget| session.generate(&call.state, budget),
+            |session, budget| session.generate(&state, budget),
         )?;
+        let kept = call.memory.news(self.generator.info(), kept);
+        answer.kept.extend(kept);
         match self.check(&call.state, &made) {
             Ok(()) => Some(made),
             Err(message) => {
@@ -282,7 +294,10 @@ impl Pipeline {
     /// paths that collide, where they are paths.
     fn plan(&mut self, call: &Call, instance: &Instance, answer: &mut Answer) -> Option<Plan> {
         let wall_s = self.config.limit_s;
-        let run = ask_for_plan(
+        let given = &answer.assignments;
+        let info = self.planner.info();
+        let instance = &*call.memory.of_instance(instance, &call.state, given, info);
+        let mut run = ask_for_plan(
             &mut self.planner,
             &self.environment,
             &self.config,
@@ -290,6 +305,8 @@ impl Pipeline {
             (EventKind::PlannerFault, call.number, wall_s),
             |session, budget| session.plan(instance, budget),
         )?;
+        let kept = call.memory.news(self.planner.info(), run.kept.take());
+        answer.kept.extend(kept);
         answer.planner_ms = Some(milliseconds(&run));
         let mut notice = |kind, message| {
             answer.notices.push(Notice {
@@ -362,7 +379,10 @@ impl Pipeline {
             instance.motion = Motion::Pebble;
         }
         let wall_s = self.config.allowance.call_s;
-        let run = ask_for_plan(
+        let given = &answer.assignments;
+        let info = self.fail_policy.info();
+        let instance = call.memory.of_instance(&instance, &call.state, given, info);
+        let mut run = ask_for_plan(
             &mut self.fail_policy,
             &self.environment,
             &self.config,
@@ -370,6 +390,9 @@ impl Pipeline {
             (EventKind::FailPolicyFault, call.number, wall_s),
             |session, budget| session.recover(&instance, failed, budget),
         );
+        let kept = run.as_mut().and_then(|run| run.kept.take());
+        let kept = call.memory.news(self.fail_policy.info(), kept);
+        answer.kept.extend(kept);
         answer.recovery_ms = Some(run.as_ref().map_or(0.0, milliseconds));
         let Some(run) = run else { return };
         let mut notice = |kind, message| {

@@ -10,6 +10,7 @@ pub mod batch;
 mod call;
 mod config;
 mod error;
+mod memory;
 mod modules;
 mod outcome;
 mod recording;
@@ -19,9 +20,10 @@ mod series;
 pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig};
 pub use error::FleetError;
 pub use fleetyard_sim::trace::By;
+pub use memory::{PERIOD_S, TIME_CONSTANT_S, memory_of};
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
     CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
 };
-pub use recording::{End, Header, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
+pub use recording::{End, Header, KeptBytes, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
 pub use run::{Ground, Watch, replay, resume, run, step_s};

@@ -26,6 +26,16 @@ pub struct ModuleInfo {
     pub digest: Option<Digest>,
     /// Its options.
     pub options: Map<String, Value>,
+    /// Parts with the memory of the fleet that it reads.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub memory: Vec<String>,
+}
+
+impl ModuleInfo {
+    /// True if it reads a part with memory.
+    pub(crate) fn reads(&self, part: &str) -> bool {
+        self.memory.iter().any(|read| read == part)
+    }
 }
 
 /// Starts a plugin: opens a session and makes the plugin in it.

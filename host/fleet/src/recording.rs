@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use fleetyard_abi::{Assignment, Motion};
+use fleetyard_abi::{Assignment, Kept, Kind, Motion};
 use fleetyard_core::json::{format, read_object};
 use fleetyard_core::{Digest, GridPlan, InputError, create_output, moves, open_regular};
 use fleetyard_sim::trace::By;
@@ -91,6 +91,16 @@ fn is_recording<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D:
     Ok(RECORDING_FORMAT.to_owned())
 }
 
+/// The bytes that a module kept in a call.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeptBytes {
+    /// The module.
+    pub kind: Kind,
+    /// Its bytes.
+    pub bytes: Kept,
+}
+
 /// A call and its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -122,6 +132,9 @@ pub struct Round {
     /// Wall-clock time of the fail policy, if it was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovery_ms: Option<f64>,
+    /// Bytes that modules kept, where they are others than before.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kept: Vec<KeptBytes>,
     /// Faults and other events.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notices: Vec<Notice>,

@@ -21,6 +21,7 @@ use crate::answers::{Answers, Plugins, Replay, broken};
 use crate::assign::{Assigner, Source};
 use crate::batch::{Batch, judge};
 use crate::call::{Answer, Call, Pipeline, ask};
+use crate::memory::Keeper;
 use crate::modules::{ModuleInfo, Modules};
 use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
@@ -236,6 +237,7 @@ struct Run<'a> {
     live: Live<'a>,
     adg: Adg,
     assigner: Assigner,
+    keeper: Keeper,
     tally: Tally,
     log: Log,
     infos: Vec<ModuleInfo>,
@@ -275,7 +277,7 @@ impl<'a> Run<'a> {
             quarter_turn: u32::from(turns(ground.fleet)),
             dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
         };
-        let adg = Adg::new(grid, &starts, &headings, costs)
+        let mut adg = Adg::new(grid, &starts, &headings, costs)
             .map_err(|error| FleetError::Broken(error.to_string()))?;
         let period_s = live.period_s();
         let in_blocks = |seconds: f64| (seconds / period_s - 1e-9).ceil().max(1.0) as u64;
@@ -285,6 +287,15 @@ impl<'a> Run<'a> {
             Answers::Recorded(replay) => replay.recording().header().modules.clone(),
         };
         let recording = answers.replay().map(Replay::recording);
+        let keeper = Keeper::new(
+            recording.map_or(&infos, |recording| &recording.header().modules),
+            grid,
+            &starts,
+            (period_s, config.sim.step_s),
+        );
+        if keeper.wants_rest() {
+            adg.tell_rest();
+        }
         // An answer that is in effect after the last block is never waited for.
         if let Some(recording) = recording.filter(|recording| recording.last_block() > blocks) {
             let reason = "it goes on after the time that the run was to take";
@@ -308,6 +319,7 @@ impl<'a> Run<'a> {
             live,
             adg,
             assigner,
+            keeper,
             log: Log {
                 aimless: (0..config.agents as usize)
                     .map(|agent| (agent, 0))
@@ -379,14 +391,17 @@ impl<'a> Run<'a> {
             live,
             adg,
             assigner,
+            keeper,
             tally,
             log,
             ..
         } = self;
         let tick = live.tick();
+        assigner.set_time(live.now_s());
         for &agent in live.news() {
             let agent = agent as usize;
             adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
+                keeper.done(agent, node.cell);
                 if let Some(goal) = node.goal {
                     tally.goals_reached += 1;
                     assigner.reached(agent, goal);
@@ -401,6 +416,7 @@ impl<'a> Run<'a> {
                 }
             });
         }
+        keeper.block(self.block);
     }
 
     /// Tells the trace what the fleet did at the beginning of the block.
@@ -478,6 +494,7 @@ impl<'a> Run<'a> {
             paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
             planner_ms: answer.planner_ms,
             recovery_ms: answer.recovery_ms,
+            kept: answer.kept,
             notices,
             line: 0,
         };
@@ -495,7 +512,8 @@ impl<'a> Run<'a> {
         let same = answer.by == round.by
             && answer.assignments == round.assignments
             && answer.window_steps == round.window_steps
-            && paths == round.paths;
+            && paths == round.paths
+            && answer.kept == round.kept;
         (!same).then(|| Notice {
             kind: EventKind::ResumedOtherwise,
             module: self
@@ -514,6 +532,7 @@ impl<'a> Run<'a> {
     /// Lets an answer take effect.
     fn effect(&mut self, round: &Round, batch: Option<Batch>) -> Result<(), FleetError> {
         self.tally.round(round);
+        self.keeper.keep(&round.kept);
         let (tick, call) = (self.live.tick(), round.call);
         self.log.entries.push(Entry {
             tick,
@@ -649,14 +668,28 @@ impl<'a> Run<'a> {
     /// Cuts the graph and asks about what is behind the cut.
     fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
         let config = self.config;
-        let cut = self.cut();
+        let mut cut = self.cut();
         let number = self.calls;
-        let state = digest(number, self.block, &cut);
+        let assigner = &mut self.assigner;
+        // Tasks that are given only now have kept nobody waiting.
+        let current: Vec<u32> = (cut.next_goal.iter().enumerate())
+            .map(|(agent, next)| assigner.goal(agent, *next))
+            .collect();
+        self.keeper.call(self.block, &cut.cells, |agent, end| {
+            current[agent] != OFF_MAP && current[agent] != end
+        });
         let window_steps = config.window_steps();
         // Tasks are given to agents by it.
         let goals = self
             .assigner
             .upcoming(&cut.cells, &cut.next_goal, window_steps);
+        let asked = self.keeper.wants_goal_tasks();
+        let goal_tasks = asked.then(|| self.assigner.goal_tasks(&goals, &cut.next_goal));
+        let rest = std::mem::take(&mut cut.rest);
+        let memory = self.keeper.recall(self.block, rest, goal_tasks);
+        let mut hasher = hasher(number, self.block, &cut);
+        self.keeper.hash(&memory, &mut hasher);
+        let state = hasher.finish();
         let plugins = match self.answers.recorded() {
             Some(round) if round.state != state => {
                 let reason = "the fleet is in another state than when this was recorded";
@@ -668,6 +701,7 @@ impl<'a> Run<'a> {
         if let Some(plugins) = plugins {
             plugins.call(Call {
                 number,
+                memory,
                 state: FleetState {
                     time_s: self.live.now_s(),
                     next: Instance {
@@ -883,8 +917,8 @@ fn radius_m(fleet: Option<&Fleet>, config: &FleetConfig) -> f64 {
     })
 }
 
-/// Digest of what an answer depends on, as far as the host is concerned.
-fn digest(number: u64, block: u64, cut: &Cut) -> Digest {
+/// The beginning of a digest of what an answer depends on, as far as the host is concerned.
+fn hasher(number: u64, block: u64, cut: &Cut) -> Hasher {
     let mut hasher = Hasher::new("fleetyard.fleet-state/1");
     hasher.u64(number);
     hasher.u64(block);
@@ -892,7 +926,7 @@ fn digest(number: u64, block: u64, cut: &Cut) -> Digest {
     hasher.u32s(&cut.next_goal);
     let quarters = cut.headings.iter().map(|heading| heading.code() as u8);
     hasher.bytes(&quarters.collect::<Vec<_>>());
-    hasher.finish()
+    hasher
 }
 
 /// The map as plugins are told it.

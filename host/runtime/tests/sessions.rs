@@ -279,7 +279,7 @@ fn parts() -> Vec<Part> {
     let part = |id: &str, critical| Part {
         id: id.into(),
         critical,
-        data: serde_json::json!({ "level": [0.1, null, "ä"] }),
+        data: serde_json::json!({ "level": [0.1, null, "ä"] }).into(),
     };
     vec![part(PART, true), part("org.example.nobody/2", false)]
 }
@@ -536,15 +536,18 @@ fn instance_generator(attach: Attach) {
             Task {
                 id: 1,
                 places: vec![4],
+                released_s: 0.5,
             },
             Task {
                 id: 4,
                 places: vec![],
+                released_s: 1.0 / 3.0,
             },
         ],
         parts: Vec::new(),
     };
     let next = session.generate(&state, &budget(0)).expect("a request");
+    let next = next.request;
     let expected = Request {
         goals: [[1, 4], [3, 4]].into_iter().collect(),
         window_steps: 7,

@@ -22,6 +22,7 @@ use fleetyard_abi::convert::{
     CEnvironment, CFleetState, CInstance, CSink, SinkContext, size_of, string,
 };
 use fleetyard_abi::figures::check_figure;
+use fleetyard_abi::memory::Data;
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
@@ -944,7 +945,7 @@ fn named_parts() -> Vec<Part> {
     let part = |id: &str, critical, data| Part {
         id: id.into(),
         critical,
-        data,
+        data: Data::Json(data),
     };
     vec![
         part("org.example.wind/1", false, json!({ "from": [0.5, null] })),

@@ -9,8 +9,14 @@
 #define FLEETYARD_FAIL_POLICY_FACTORY_ID "fleetyard.fail-policy/1"
 #define FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID "fleetyard.instance-generator/1"
 #define FLEETYARD_INVOCATION_POLICY_FACTORY_ID "fleetyard.invocation-policy/1"
+#define FLEETYARD_TRAFFIC_ID "fleetyard.traffic/1"
+#define FLEETYARD_REST_OF_PLAN_ID "fleetyard.rest-of-plan/1"
+#define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
+#define FLEETYARD_KEPT_ID "fleetyard.kept/1"
+#define FLEETYARD_KEEP_ID "fleetyard.keep/1"
 #define FLEETYARD_ABI_MAJOR 1
 #define FLEETYARD_ABI_MINOR 0
+#define FLEETYARD_KEPT_LIMIT (1 << 20)
 #define FLEETYARD_OK 0
 #define FLEETYARD_REJECTED -1
 #define FLEETYARD_TOO_LATE -2
@@ -266,6 +272,7 @@ typedef struct FleetyardFleetState {
   const uint64_t *task_ids;
   const uint64_t *task_offsets;
   const uint32_t *task_places;
+  const double *task_released_s;
   struct FleetyardParts parts;
 } FleetyardFleetState;
 typedef struct FleetyardRequest {
@@ -280,6 +287,51 @@ typedef struct FleetyardRequest {
   double window_s;
   struct FleetyardParts parts;
 } FleetyardRequest;
+typedef struct FleetyardSnapshot {
+  uint32_t struct_size;
+  uint32_t reserved;
+  uint64_t number;
+  const uint8_t *waiting;
+  const uint8_t *flow;
+} FleetyardSnapshot;
+typedef struct FleetyardTraffic {
+  uint32_t struct_size;
+  uint32_t places;
+  uint64_t flows;
+  double period_s;
+  double time_constant_s;
+  double since_s;
+  double flow_unit_per_s;
+  const struct FleetyardSnapshot *last;
+  const struct FleetyardSnapshot *before;
+} FleetyardTraffic;
+typedef struct FleetyardRestOfPlan {
+  uint32_t struct_size;
+  uint32_t agents;
+  const uint64_t *offsets;
+  const uint8_t *moves;
+} FleetyardRestOfPlan;
+typedef struct FleetyardGoalTasks {
+  uint32_t struct_size;
+  uint32_t reserved;
+  uint64_t goals;
+  double time_s;
+  const uint64_t *tasks;
+  const uint32_t *errands;
+  const double *released_s;
+  const double *given_s;
+} FleetyardGoalTasks;
+typedef struct FleetyardBytes {
+  uint32_t struct_size;
+  uint32_t reserved;
+  const uint8_t *ptr;
+  uint64_t len;
+} FleetyardBytes;
+typedef struct FleetyardKeep {
+  uint32_t struct_size;
+  uint32_t reserved;
+  int32_t (*keep)(void *sink_context, const struct FleetyardBytes *bytes);
+} FleetyardKeep;
 typedef struct FleetyardFleetStatus {
   uint32_t struct_size;
   uint32_t agents;

@@ -13,7 +13,7 @@ fn part(critical: bool) -> Part {
     Part {
         id: "org.example.conformance/1".into(),
         critical,
-        data: json!({ "level": [0.5, 1.0] }),
+        data: json!({ "level": [0.5, 1.0] }).into(),
     }
 }
 

@@ -226,7 +226,8 @@ fn tasks_are_revealed_given_and_done() {
         assigner.open_tasks(),
         [Task {
             id: 4,
-            places: vec![9, 8]
+            places: vec![9, 8],
+            released_s: 0.0,
         }]
     );
     // A generator may give tasks itself.

@@ -32,7 +32,7 @@ pub(super) trait Attachment {
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun;
 
     /// Asks an instance generator what the next instance is.
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault>;
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault>;
 
     /// Asks an invocation policy whether to call the planner now.
     fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault>;
@@ -45,6 +45,15 @@ pub(super) trait Attachment {
 
     /// Ends the plugin; nothing of it is left running.
     fn close(&mut self) -> Closing;
+}
+
+/// The answer of an instance generator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Generated {
+    /// Its request for the next instance.
+    pub request: Request,
+    /// The bytes that it wants to have with its next call, if it kept some.
+    pub kept: Option<Vec<u8>>,
 }
 
 pub(super) fn protocol(during: &str, reason: impl Into<String>) -> Fault {

@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::time::Duration;
 
 use fleetyard_abi::wire::{
-    self, CancelParams, LogParams, MetricParams, NoteParams, Request, RpcError,
+    self, CancelParams, KeepParams, LogParams, MetricParams, NoteParams, Request, RpcError,
 };
 use fleetyard_abi::{Budget, LogLevel};
 use serde::Serialize;
@@ -49,6 +49,8 @@ const ID_STEP: u64 = 1 << 26;
 pub(crate) enum Notice {
     /// A plan, the number of its paths, and when its last byte arrived.
     Incumbent { read: Read, arrived_ns: u64 },
+    /// Bytes that it wants to have with its next call.
+    Keep(KeepParams),
     /// A figure.
     Metric(MetricParams),
     /// A fact about the plugin's inputs.
@@ -499,6 +501,13 @@ impl<T: Transport> Client<T> {
                 let read = wait.expected.read(&plan, found(Part::Params));
                 let notice = Notice::Incumbent { read, arrived_ns };
                 notify(notice).map_err(Broken::Protocol)?;
+            }
+            Message::Keep(_) if !asked => {
+                let reason = "it kept bytes before it was asked for anything";
+                return Err(Broken::Protocol(reason.into()));
+            }
+            Message::Keep(keep) => {
+                notify(Notice::Keep(keep)).map_err(Broken::Protocol)?;
             }
             Message::Metric(metric) => {
                 notify(Notice::Metric(metric)).map_err(Broken::Protocol)?;

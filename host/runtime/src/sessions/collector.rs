@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetyard_abi::convert::wrong_agents;
+use fleetyard_abi::memory::may_be_kept;
 use fleetyard_abi::paths::PlanContext;
 use fleetyard_abi::sdk::{Rejected, Sink};
 use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, Request, monotonic_ns};
@@ -39,6 +40,7 @@ pub(crate) struct Collected {
     pub(crate) notes: BTreeMap<String, String>,
     pub(crate) log: Log,
     pub(crate) request: Option<Request>,
+    pub(crate) kept: Option<Vec<u8>>,
     pub(crate) fault: Option<String>,
 }
 
@@ -173,6 +175,18 @@ impl Sink for Collector {
 
     fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
         self.lock().request = Some(request.clone());
+        Ok(())
+    }
+
+    fn keep(&self, bytes: &[u8]) -> Result<(), Rejected> {
+        if let Err(reason) = may_be_kept(bytes.len() as u64) {
+            self.lock().fault.get_or_insert(reason);
+            return Err(Rejected::Malformed);
+        }
+        if monotonic_ns() > self.deadline_ns {
+            return Err(Rejected::TooLate);
+        }
+        self.lock().kept = Some(bytes.to_vec());
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options};
 use fleetyard_abi::wire::Outcome;
 use fleetyard_abi::{
-    Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status, monotonic_ns,
+    Budget, FleetState, FleetStatus, Kind, SharedEnvironment, Status, monotonic_ns,
 };
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ use crate::confinement::monitor::CallUsage;
 use crate::confinement::promises::{BrokenPromise, Promises};
 use crate::confinement::sandbox::SandboxReport;
 use crate::interrupt::interrupted_by;
-use crate::sessions::attachment::{Attachment, no_request, protocol, reported};
+use crate::sessions::attachment::{Attachment, Generated, no_request, protocol, reported};
 use crate::sessions::bounds::LOG_BYTES;
 use crate::sessions::client::Deadline;
 use crate::sessions::collector::{Collected, Collector};
@@ -152,7 +152,7 @@ impl Attachment for InProcess {
         }
     }
 
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault> {
         let method = "generate";
         let budget = budget.starting(monotonic_ns());
         let ((), collected) =
@@ -166,7 +166,10 @@ impl Attachment for InProcess {
                     _ => Err(wrong_object()),
                 },
             )?;
-        collected.request.ok_or_else(|| no_request(method))
+        Ok(Generated {
+            request: collected.request.ok_or_else(|| no_request(method))?,
+            kept: collected.kept,
+        })
     }
 
     fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {

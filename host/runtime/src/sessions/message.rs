@@ -5,7 +5,7 @@
 //! waited for, and what a notification means for the run.
 
 use fleetyard_abi::figures::check_figure;
-use fleetyard_abi::wire::{LogParams, MetricParams, NoteParams, PlanText, RpcError};
+use fleetyard_abi::wire::{KeepParams, LogParams, MetricParams, NoteParams, PlanText, RpcError};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
@@ -24,6 +24,8 @@ pub enum Message<'a> {
     Stray,
     /// A plan, still as text.
     Incumbent(PlanText<'a>),
+    /// Bytes that it wants to have with its next call.
+    Keep(KeepParams),
     /// A figure.
     Metric(MetricParams),
     /// A fact about its inputs.
@@ -118,6 +120,7 @@ pub(crate) fn read_without(line: &[u8], cut: Cut) -> Result<Message<'_>, String>
             }
             Message::Incumbent(plan)
         }
+        "keep" => Message::Keep(payload("`keep`", params)?),
         "metric" => {
             let metric: MetricParams = payload("`metric`", params)?;
             check_figure(&metric.name, metric.value)?;

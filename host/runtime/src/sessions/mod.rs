@@ -11,7 +11,7 @@
 //! contract's.
 
 pub mod adapter;
-mod attachment;
+pub(crate) mod attachment;
 pub mod bounds;
 pub(crate) mod client;
 pub(crate) mod collector;

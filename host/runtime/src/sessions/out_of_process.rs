@@ -3,14 +3,15 @@
 use std::time::Duration;
 
 use fleetyard_abi::figures::longest_call_ns;
+use fleetyard_abi::memory::may_be_kept;
 use fleetyard_abi::paths::WritePlan;
 use fleetyard_abi::sdk::Sink;
 use fleetyard_abi::wire::{
-    CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, Outcome,
-    PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
+    CreateParams, GenerateParams, GenerateResult, InitializeParams, InitializeResult, KeepParams,
+    Outcome, PROTOCOL_VERSION, Peer, PlanParams, PlanResult, PrepareParams, RecoverParams,
     ShouldInvokeParams, ShouldInvokeResult,
 };
-use fleetyard_abi::{Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status};
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Kept, Kind, SharedEnvironment, Status};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -21,9 +22,10 @@ use crate::confinement::monitor::{CallLimits, CallUsage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::confinement::transport::Transport;
-use crate::sessions::attachment::{Attachment, no_request, protocol, reported};
+use crate::sessions::attachment::{Attachment, Generated, no_request, protocol, reported};
 use crate::sessions::bounds::{INTRODUCTION_BYTES, MESSAGE_BYTES, PLAN_TEXT_BYTES, message_bytes};
 use crate::sessions::client::{Client, Deadline, Notice, Reply};
+use crate::sessions::collector::Collector;
 use crate::sessions::incoming::Expected;
 use crate::sessions::message;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
@@ -113,6 +115,7 @@ impl<T: Transport> Client<T> {
                 let (plan, paths) = read?;
                 collector.accept(plan, paths, arrived_ns)
             }
+            Notice::Keep(KeepParams { bytes }) => keep(collector, &bytes),
             Notice::Metric(metric) => {
                 collector.metric(&metric.name, metric.value);
                 Ok(())
@@ -226,7 +229,7 @@ impl<T: Transport> Attachment for Client<T> {
         ended.run(called, usage, self.over())
     }
 
-    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
+    fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault> {
         let method = "generate";
         let written = write(method, state)?;
         self.begin_call(budget, self.limits.cpu);
@@ -239,15 +242,22 @@ impl<T: Transport> Attachment for Client<T> {
             bytes: message_bytes(state.next.agents()),
             ..Expected::NO_PLAN
         };
-        let figures = &mut nothing_but_figures;
-        let answer = self.call(method, params, Deadline::from(&budget), expected, figures)?;
+        let collector = Collector::idle(budget.answer_by_ns);
+        let notify = &mut |notice: Notice| match notice {
+            Notice::Keep(KeepParams { bytes }) => keep(&collector, &bytes),
+            notice => nothing_but_figures(notice),
+        };
+        let answer = self.call(method, params, Deadline::from(&budget), expected, notify)?;
         let GenerateResult {
             status,
             message,
             request,
         } = read(method, &answer)?;
         succeeded(method, Outcome { status, message })?;
-        request.ok_or_else(|| no_request(method))
+        Ok(Generated {
+            request: request.ok_or_else(|| no_request(method))?,
+            kept: collector.into_inner().kept,
+        })
     }
 
     fn should_invoke(&mut self, status: &FleetStatus, limit: Duration) -> Result<bool, Fault> {
@@ -308,10 +318,19 @@ fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, St
     message::payload(&format!("the result of `{method}`"), answer)
 }
 
+/// Keeps bytes, or says how they break the protocol.
+fn keep(collector: &Collector, Kept { bytes }: &Kept) -> Result<(), String> {
+    may_be_kept(bytes.len() as u64)?;
+    // What comes too late is not kept.
+    let _ = collector.keep(bytes);
+    Ok(())
+}
+
 /// In calls that ask for no plan, figures are nobody's, and a plan is a breach.
 fn nothing_but_figures(notice: Notice) -> Result<(), String> {
     match notice {
         Notice::Incumbent { read, .. } => read.map(drop),
+        Notice::Keep(_) => Err("bytes were kept in a call that keeps none".into()),
         Notice::Metric(_) | Notice::Note(_) => Ok(()),
     }
 }

@@ -153,6 +153,9 @@ pub struct PlanRun {
     pub metrics: BTreeMap<String, f64>,
     /// Facts that the plugin noted about its inputs.
     pub notes: BTreeMap<String, String>,
+    /// The bytes that it wants to have with its next call, if it kept some and the call ended well
+    /// and in time.
+    pub kept: Option<Vec<u8>>,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
     /// Wall time of the call as the plugin's process claims it, without transport.
@@ -189,6 +192,7 @@ impl PlanRun {
             late: 0,
             metrics: BTreeMap::new(),
             notes: BTreeMap::new(),
+            kept: None,
             planning: Duration::ZERO,
             call: None,
             round_trip: None,
@@ -340,6 +344,7 @@ impl Ended {
             late,
             metrics,
             notes,
+            kept,
             fault,
             ..
         } = self.collected;
@@ -363,6 +368,7 @@ impl Ended {
             late,
             metrics,
             notes,
+            kept,
             planning: self.planning,
             call: self.timing.claimed,
             round_trip: self.timing.round_trip,
@@ -397,6 +403,9 @@ impl Ended {
         if let Some(fault) = fault {
             run.termination = Termination::from(&fault);
             run.fault = Some(fault);
+        }
+        if run.termination != Termination::Completed {
+            run.kept = None;
         }
         run
     }

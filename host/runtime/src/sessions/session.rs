@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetyard_abi::{
-    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan, Request,
+    Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
     SharedEnvironment,
 };
 use fleetyard_core::Digest;
@@ -15,7 +15,7 @@ use crate::confinement::monitor::{Limit, Usage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::options::with_defaults;
-use crate::sessions::attachment::Attachment;
+use crate::sessions::attachment::{Attachment, Generated};
 use crate::sessions::log::LogLine;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Solver};
 
@@ -183,7 +183,7 @@ impl Session {
     }
 
     /// Asks an instance generator what the next instance is.
-    pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Request, Fault> {
+    pub fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault> {
         self.attachment.generate(state, budget)
     }
 

@@ -13,7 +13,8 @@ static int32_t generate(const char *map, const uint32_t *cells, uint32_t goal,
                                .next = &next,
                                .task_ids = (const uint64_t[]){7},
                                .task_offsets = (const uint64_t[]){0, 2},
-                               .task_places = task};
+                               .task_places = task,
+                               .task_released_s = (const double[]){0}};
   FleetyardInstanceGenerator generator = {.struct_size = sizeof generator};
   const FleetyardInstanceGeneratorFactory *factory =
       factory_of(FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID);

@@ -24,6 +24,7 @@ fn generate(row: &str, cells: [u32; 2], goal: u32, task: &[u32]) -> Result<Vec<V
         tasks: vec![Task {
             id: 7,
             places: task.to_vec(),
+            released_s: 0.0,
         }],
         parts: Vec::new(),
     };

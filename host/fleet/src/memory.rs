@@ -1,0 +1,412 @@
+//! The memory of a run, which the host keeps so that modules keep none.
+//!
+//! It follows from what is committed and executed, and from what recordings have: a replay has the
+//! same without a plugin, on any number of threads. Only what some module reads is kept.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use fleetyard_abi::{
+    Assignment, FleetState, GoalTasks, Heading, Instance, Kept, Kind, Part, RestOfPlan, Snapshot,
+    Traffic, c,
+};
+use fleetyard_core::{Digest, Grid, Hasher};
+
+use crate::ModuleInfo;
+use crate::recording::KeptBytes;
+
+/// Simulated time from a snapshot of traffic to the next.
+pub const PERIOD_S: f64 = 20.0;
+/// Time constant of the averages of traffic.
+pub const TIME_CONSTANT_S: f64 = 50.0;
+
+/// The parts of a run's memory that a plugin with these features reads.
+pub fn memory_of(features: &[String]) -> Vec<String> {
+    let kept = [
+        c::TRAFFIC_ID,
+        c::REST_OF_PLAN_ID,
+        c::GOAL_TASKS_ID,
+        c::KEPT_ID,
+    ];
+    let reads = |part: &&str| {
+        let names = features
+            .iter()
+            .filter_map(|feature| feature.strip_prefix("part:"));
+        names.into_iter().any(|name| name == *part)
+    };
+    kept.into_iter().filter(reads).map(str::to_owned).collect()
+}
+
+/// An average of 1.
+const ONE: u32 = 1 << 24;
+/// The share that stays of an average from a snapshot to the next, e^(-20/50), and 1, both in units
+/// of 2^-16.
+const STAYS: u64 = 43930;
+const WHOLE: u64 = 1 << 16;
+
+/// Exponential averages in whole numbers, so that they are the same on every machine.
+#[derive(Debug, Clone)]
+struct Averages {
+    /// Averages as of the last snapshot, in units of 1 / [`ONE`].
+    before: Vec<u32>,
+    /// Counts since then.
+    counts: Vec<u32>,
+    /// The share of a period that a count stands for, in the same units.
+    unit: u64,
+    /// The last two snapshots in units of 1/255, the last one first.
+    shots: [Vec<u8>; 2],
+}
+
+impl Averages {
+    fn new(len: usize, share: f64) -> Self {
+        Self {
+            before: vec![0; len],
+            counts: vec![0; len],
+            unit: (share * f64::from(ONE)).round() as u64,
+            shots: [vec![0; len], vec![0; len]],
+        }
+    }
+
+    /// Takes a snapshot.
+    fn close(&mut self) {
+        self.shots.swap(0, 1);
+        let columns = self.before.iter_mut().zip(&mut self.counts);
+        for ((before, count), shot) in columns.zip(&mut self.shots[0]) {
+            let new = (u64::from(*count) * self.unit).min(u64::from(ONE));
+            let mean = u64::from(*before) * STAYS + new * (WHOLE - STAYS) + WHOLE / 2;
+            *before = (mean / WHOLE) as u32;
+            *count = 0;
+            let quantised = u64::from(*before) * 255 + u64::from(ONE) / 2;
+            *shot = (quantised / u64::from(ONE)) as u8;
+        }
+    }
+}
+
+/// Where robots wait, and which way they go.
+///
+/// A robot waits at the end of what it is committed to while that stays the same from one call to
+/// the next, and its goal is elsewhere. A move counts when it is known to be done.
+#[derive(Debug, Clone)]
+struct Traffics {
+    cols: u32,
+    /// Blocks from a snapshot to the next, the seconds of a block, and the flow that 1 stands for.
+    period: u64,
+    block_s: f64,
+    flow_unit_per_s: f64,
+    waiting: Averages,
+    flow: Averages,
+    /// Number of the last snapshot of each.
+    waited: u64,
+    flowed: u64,
+    /// Cells where robots were last known.
+    at: Vec<u32>,
+    /// The block of the last call, and where robots ended then.
+    ends: Option<(u64, Vec<u32>)>,
+    /// Stands for all snapshots so far.
+    digest: Option<Digest>,
+}
+
+impl Traffics {
+    fn new(grid: &Grid, starts: &[u32], block_s: f64, step_s: f64) -> Self {
+        let cells = grid.cell_count() as usize;
+        Self {
+            cols: grid.cols(),
+            period: ((PERIOD_S / block_s).round() as u64).max(1),
+            block_s,
+            flow_unit_per_s: 1.0 / (255.0 * step_s),
+            waiting: Averages::new(cells, block_s / PERIOD_S),
+            flow: Averages::new(4 * cells, step_s / PERIOD_S),
+            waited: 0,
+            flowed: 0,
+            at: starts.to_vec(),
+            ends: None,
+            digest: None,
+        }
+    }
+
+    /// A robot is in a cell.
+    fn done(&mut self, agent: usize, cell: u32) {
+        let from = std::mem::replace(&mut self.at[agent], cell);
+        if from != cell {
+            // Headings are numbered from the east on, moves from the north on.
+            let heading = Heading::of_move(from, cell, self.cols).code() as usize;
+            self.flow.counts[4 * from as usize + (heading + 1) % 4] += 1;
+        }
+    }
+
+    /// A block begins, whose news are in.
+    fn block(&mut self, block: u64) {
+        if block > 0 && block.is_multiple_of(self.period) {
+            self.flow.close();
+            self.flowed += 1;
+        }
+    }
+
+    /// A call is made: robots end there, and those with a goal elsewhere wait if they did before.
+    fn call(&mut self, block: u64, ends: &[u32], waits: impl Fn(usize, u32) -> bool) {
+        let (mut from, before) = self.ends.take().unwrap_or((block, Vec::new()));
+        let pairs = before.iter().zip(ends).enumerate();
+        let waiting: Vec<u32> = pairs
+            .filter(|(agent, (before, end))| before == end && waits(*agent, **end))
+            .map(|(_, (_, end))| *end)
+            .collect();
+        while self.waited < self.flowed {
+            let boundary = (self.waited + 1) * self.period;
+            self.wait(&waiting, boundary.saturating_sub(from));
+            from = from.max(boundary);
+            self.waiting.close();
+            self.waited += 1;
+            let mut hasher = Hasher::new("fleetyard.traffic/1");
+            hasher.value(&self.digest);
+            hasher.bytes(&self.waiting.shots[0]);
+            hasher.bytes(&self.flow.shots[0]);
+            self.digest = Some(hasher.finish());
+        }
+        self.wait(&waiting, block - from);
+        self.ends = Some((block, ends.to_vec()));
+    }
+
+    fn wait(&mut self, cells: &[u32], blocks: u64) {
+        for cell in cells {
+            self.waiting.counts[*cell as usize] += blocks as u32;
+        }
+    }
+
+    fn part(&self, block: u64) -> Traffic {
+        let shot = |at: usize| Snapshot {
+            number: self.waited.saturating_sub(at as u64),
+            waiting: self.waiting.shots[at].clone(),
+            flow: self.flow.shots[at].clone(),
+        };
+        Traffic {
+            period_s: PERIOD_S,
+            time_constant_s: TIME_CONSTANT_S,
+            since_s: (block - self.waited * self.period) as f64 * self.block_s,
+            flow_unit_per_s: self.flow_unit_per_s,
+            last: shot(0),
+            before: shot(1),
+        }
+    }
+}
+
+/// The memory of a run.
+#[derive(Debug)]
+pub(crate) struct Keeper {
+    traffic: Option<Traffics>,
+    goal_tasks: bool,
+    rest_of_plan: bool,
+    kept: bool,
+    /// What modules kept last.
+    bytes: Bytes,
+}
+
+/// What modules kept last, and its digests.
+#[derive(Debug, Clone, Default)]
+struct Bytes(Vec<(Kind, Arc<Kept>, Digest)>);
+
+impl Bytes {
+    fn of(&self, kind: Kind) -> Option<&Arc<Kept>> {
+        let mut all = self.0.iter();
+        all.find(|(of, ..)| *of == kind).map(|(_, bytes, _)| bytes)
+    }
+}
+
+impl Keeper {
+    /// Of a run whose modules read some parts.
+    pub(crate) fn new(
+        modules: &[ModuleInfo],
+        grid: &Grid,
+        starts: &[u32],
+        (block_s, step_s): (f64, f64),
+    ) -> Self {
+        let reads = |part: &str| modules.iter().any(|module| module.reads(part));
+        Self {
+            traffic: reads(c::TRAFFIC_ID).then(|| Traffics::new(grid, starts, block_s, step_s)),
+            rest_of_plan: reads(c::REST_OF_PLAN_ID),
+            goal_tasks: reads(c::GOAL_TASKS_ID),
+            kept: reads(c::KEPT_ID),
+            bytes: Bytes::default(),
+        }
+    }
+
+    /// True if cuts have to say what they drop.
+    pub(crate) fn wants_rest(&self) -> bool {
+        self.rest_of_plan
+    }
+
+    /// True if somebody asks about goals.
+    pub(crate) fn wants_goal_tasks(&self) -> bool {
+        self.goal_tasks
+    }
+
+    /// A robot has done the move into a cell.
+    pub(crate) fn done(&mut self, agent: usize, cell: u32) {
+        if let Some(traffic) = &mut self.traffic {
+            traffic.done(agent, cell);
+        }
+    }
+
+    /// A block begins, whose news are in.
+    pub(crate) fn block(&mut self, block: u64) {
+        if let Some(traffic) = &mut self.traffic {
+            traffic.block(block);
+        }
+    }
+
+    /// A call is made: robots end there, and those with a goal elsewhere wait.
+    pub(crate) fn call(&mut self, block: u64, ends: &[u32], waits: impl Fn(usize, u32) -> bool) {
+        if let Some(traffic) = &mut self.traffic {
+            traffic.call(block, ends, waits);
+        }
+    }
+
+    /// What an answer that takes effect has kept.
+    pub(crate) fn keep(&mut self, kept: &[KeptBytes]) {
+        for KeptBytes { kind, bytes } in kept.iter().filter(|_| self.kept) {
+            let mut hasher = Hasher::new("fleetyard.kept/1");
+            hasher.bytes(&bytes.bytes);
+            self.bytes.0.retain(|(of, ..)| of != kind);
+            let kept = (*kind, Arc::new(bytes.clone()), hasher.finish());
+            self.bytes.0.push(kept);
+            self.bytes.0.sort_unstable_by_key(|(of, ..)| *of);
+        }
+    }
+
+    /// The memory for a call at a block.
+    pub(crate) fn recall(
+        &self,
+        block: u64,
+        rest: Vec<String>,
+        goal_tasks: Option<GoalTasks>,
+    ) -> Memory {
+        let traffic = self.traffic.as_ref();
+        Memory {
+            traffic: traffic.map(|traffic| traffic.part(block).into()),
+            rest: self.rest_of_plan.then(|| RestOfPlan { paths: rest }.into()),
+            goal_tasks: goal_tasks.map(Arc::new),
+            bytes: self.bytes.clone(),
+        }
+    }
+
+    /// Adds to the digest of a state what of the memory goes into answers; nothing if nobody reads
+    /// any.
+    pub(crate) fn hash(&self, memory: &Memory, hasher: &mut Hasher) {
+        if let Some(traffic) = &self.traffic {
+            hasher.value(&traffic.digest);
+            hasher.u64(traffic.waited);
+        }
+        if let Some(rest) = &memory.rest {
+            hasher.value(&rest.paths);
+        }
+        if let Some(tasks) = &memory.goal_tasks {
+            hasher.value(tasks.as_ref());
+        }
+        for (kind, _, digest) in &self.bytes.0 {
+            hasher.value(&(kind, digest));
+        }
+    }
+}
+
+/// The memory that goes with a call.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Memory {
+    traffic: Option<Arc<Traffic>>,
+    rest: Option<Arc<RestOfPlan>>,
+    /// Of the goals of the state.
+    goal_tasks: Option<Arc<GoalTasks>>,
+    bytes: Bytes,
+}
+
+impl Memory {
+    /// The state as a generator gets it.
+    pub(crate) fn of_state<'a>(
+        &self,
+        state: &'a FleetState,
+        module: &ModuleInfo,
+    ) -> Cow<'a, FleetState> {
+        let parts = self.parts(module, self.goal_tasks.clone());
+        let mut state = Cow::Borrowed(state);
+        if !parts.is_empty() {
+            state.to_mut().parts = parts;
+        }
+        state
+    }
+
+    /// An instance as a planner or a fail policy gets it, for which these tasks were given.
+    pub(crate) fn of_instance<'a>(
+        &self,
+        instance: &'a Instance,
+        state: &FleetState,
+        assignments: &[Assignment],
+        module: &ModuleInfo,
+    ) -> Cow<'a, Instance> {
+        let known = self.goal_tasks.as_ref();
+        let known = known.filter(|_| module.reads(c::GOAL_TASKS_ID));
+        let goal_tasks = known.map(|known| matched(instance, state, known, assignments));
+        let parts = self.parts(module, goal_tasks.map(Arc::new));
+        let mut instance = Cow::Borrowed(instance);
+        if !parts.is_empty() {
+            instance.to_mut().parts = parts;
+        }
+        instance
+    }
+
+    /// The bytes that a module kept, if it reads them and they are others than before.
+    pub(crate) fn news(&self, module: &ModuleInfo, kept: Option<Vec<u8>>) -> Option<KeptBytes> {
+        let bytes = Kept {
+            bytes: kept.filter(|_| module.reads(c::KEPT_ID))?,
+        };
+        let kind = module.kind;
+        let before = self.bytes.of(kind);
+        let same = before.is_some_and(|before| **before == bytes);
+        (!same).then_some(KeptBytes { kind, bytes })
+    }
+
+    fn parts(&self, module: &ModuleInfo, goal_tasks: Option<Arc<GoalTasks>>) -> Vec<Part> {
+        let traffic = self.traffic.clone().map(Part::from);
+        let rest = self.rest.clone().map(Part::from);
+        let goal_tasks = goal_tasks.map(Part::from);
+        let kept = self.bytes.of(module.kind).cloned().map(Part::from);
+        let parts = [traffic, rest, goal_tasks, kept].into_iter().flatten();
+        parts.filter(|part| module.reads(&part.id)).collect()
+    }
+}
+
+/// The tasks of an instance's goals: an agent's own goals are met in their order, those of the state
+/// first, then those of tasks that it was given with this instance. Others are nobody's.
+fn matched(
+    instance: &Instance,
+    state: &FleetState,
+    known: &GoalTasks,
+    assignments: &[Assignment],
+) -> GoalTasks {
+    let time_s = known.time_s;
+    let mut all = GoalTasks {
+        time_s,
+        ..GoalTasks::default()
+    };
+    for (agent, goals) in instance.goals.iter().enumerate() {
+        let first = state.next.goals.offsets()[agent] as usize;
+        let own = state.next.goals[agent].iter().enumerate();
+        let own = own.map(|(at, cell)| {
+            let goal = first + at;
+            let errand = known.tasks[goal].zip(known.errands[goal]);
+            (*cell, (errand, known.released_s[goal], known.given_s[goal]))
+        });
+        let given = assignments
+            .iter()
+            .filter(|given| given.agent as usize == agent);
+        let tasks = given.filter_map(|given| state.tasks.iter().find(|task| task.id == given.task));
+        let more = tasks.flat_map(|task| {
+            let places = task.places.iter().zip(0..);
+            places.map(|(cell, at)| (*cell, (Some((task.id, at)), task.released_s, time_s)))
+        });
+        let mut own = own.chain(more).peekable();
+        for goal in goals {
+            let found = own.next_if(|(cell, _)| cell == goal);
+            let (errand, released_s, given_s) = found.map_or((None, time_s, time_s), |own| own.1);
+            all.push(errand, released_s, given_s);
+        }
+    }
+    all
+}
