@@ -1227,7 +1227,7 @@ typedef struct FleetyardSnapshot {
    */
   uint32_t reserved;
   /*
-   How many were taken before: a key for caches.
+   Number of snapshots before it: a key for caches.
    */
   uint64_t number;
   /*
@@ -1333,7 +1333,7 @@ typedef struct FleetyardGoalTasks {
    */
   const uint64_t *tasks;
   /*
-   Which of the task's places each goal is; `FLEETYARD_NONE` as above.
+   The number of each goal among the task's places; `FLEETYARD_NONE` as above.
    */
   const uint32_t *errands;
   /*

@@ -720,7 +720,7 @@ pub struct Snapshot {
     pub struct_size: u32,
     /// Zero.
     pub reserved: u32,
-    /// How many were taken before: a key for caches.
+    /// Number of snapshots before it: a key for caches.
     pub number: u64,
     /// Per place, the share of time in which somebody stood there whose goal is elsewhere, in units
     /// of 1/255.
@@ -787,7 +787,7 @@ pub struct GoalTasks {
     pub time_s: f64,
     /// The task of each goal; `UINT64_MAX` for one that is of no task, or not the agent's own.
     pub tasks: *const u64,
-    /// Which of the task's places each goal is; `FLEETYARD_NONE` as above.
+    /// The number of each goal among the task's places; `FLEETYARD_NONE` as above.
     pub errands: *const u32,
     /// When the task of each goal was released; for other goals as `given_s`.
     pub released_s: *const f64,

@@ -51,7 +51,7 @@ impl Traffic {
 /// Averages at a moment. Everything is 0 in the first one, which is taken when a run begins.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Snapshot {
-    /// How many were taken before.
+    /// Number of snapshots before it.
     pub number: u64,
     /// Per place, the share of time in which somebody stood there whose goal is elsewhere, in units
     /// of 1/255: two hexadecimal digits a place, and a letter `g` to `m` for a run of 1, 2, 4, 8,
@@ -70,8 +70,8 @@ pub struct Snapshot {
 /// The rest of the last plan: what of it nobody is committed to.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RestOfPlan {
-    /// A path per agent from its start on, a letter per step as in
-    /// [`moves`](crate::moves). Where agents keep to their times, paths do not collide.
+    /// A path per agent from its start on, a letter of moves per step. Where agents keep to their
+    /// times, paths do not collide.
     pub paths: Vec<String>,
 }
 
@@ -93,7 +93,7 @@ pub struct GoalTasks {
     pub time_s: f64,
     /// The task of a goal; `null` for one that is of no task, or not the agent's own.
     pub tasks: Vec<Option<u64>>,
-    /// Which of the task's places it is, from 0; `null` as above.
+    /// The number of a goal among the task's places, from 0; `null` as above.
     pub errands: Vec<Option<u32>>,
     /// When its task was released; for other goals as `given_s`.
     pub released_s: Vec<f64>,
@@ -138,7 +138,7 @@ impl GoalTasks {
     }
 }
 
-/// Bytes that a plugin has kept with [`Sink::keep`](crate::sdk::Sink::keep), as it gave them last.
+/// Bytes that a plugin kept, as it gave them last.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Kept {

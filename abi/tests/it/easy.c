@@ -464,9 +464,9 @@ static void memory(void) {
   const uint8_t averages[] = {0, 255};
   const FleetyardSnapshot first = {sizeof first, 0, 0, averages, averages};
   FleetyardTraffic traffic = {sizeof traffic, 2, 2, 20, 50, 3.5, 0.5, &first, &first};
-  const uint64_t offsets[] = {0, 2};
-  const uint8_t moves[] = {'E', '.'};
-  const FleetyardRestOfPlan rest = {sizeof rest, 1, offsets, moves};
+  const uint64_t begins[] = {0, 2};
+  const uint8_t letters[] = {'E', '.'};
+  const FleetyardRestOfPlan rest = {sizeof rest, 1, begins, letters};
   const uint64_t tasks[] = {7};
   const uint32_t errands[] = {1};
   const double times[] = {2.5};

@@ -189,7 +189,7 @@ pub struct Cut {
     pub next_goal: Vec<u32>,
     /// Nodes that were dropped.
     pub dropped: usize,
-    /// What was dropped, a string of moves per agent from its cell on, if the graph was asked to
+    /// The moves that were dropped, a string per agent from its cell on, if the graph was asked to
     /// tell ([`Adg::tell_rest`]). Moves of the last batch are at their steps, counted from the first
     /// one that was dropped, so that paths do not collide.
     pub rest: Vec<String>,

@@ -26,7 +26,7 @@ pub(crate) struct Call {
     pub(crate) number: u64,
     /// The fleet's state, of which the generator makes an instance.
     pub(crate) state: FleetState,
-    /// What goes with it to those who read it.
+    /// The memory that goes with it to those who read it.
     pub(crate) memory: Memory,
 }
 

@@ -82,7 +82,7 @@ impl Averages {
     }
 }
 
-/// Where robots wait, and which way they go.
+/// Averages of where robots wait, and which way they go.
 ///
 /// A robot waits at the end of what it is committed to while that stays the same from one call to
 /// the next, and its goal is elsewhere. A move counts when it is known to be done.
@@ -196,11 +196,11 @@ pub(crate) struct Keeper {
     goal_tasks: bool,
     rest_of_plan: bool,
     kept: bool,
-    /// What modules kept last.
+    /// Bytes that modules kept last.
     bytes: Bytes,
 }
 
-/// What modules kept last, and its digests.
+/// Bytes that modules kept last, and their digests.
 #[derive(Debug, Clone, Default)]
 struct Bytes(Vec<(Kind, Arc<Kept>, Digest)>);
 
@@ -260,7 +260,7 @@ impl Keeper {
         }
     }
 
-    /// What an answer that takes effect has kept.
+    /// Takes over the bytes that were kept for an answer which takes effect.
     pub(crate) fn keep(&mut self, kept: &[KeptBytes]) {
         for KeptBytes { kind, bytes } in kept.iter().filter(|_| self.kept) {
             let mut hasher = Hasher::new("fleetyard.kept/1");

@@ -4,7 +4,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use crate::walks::{Walks, north};
-use fleetyard_abi::{Heading, Instance, Motion};
+use fleetyard_abi::{Heading, Instance, Motion, RestOfPlan};
 use fleetyard_core::{Grid, GridPlan, OFF_MAP};
 use fleetyard_fleet::adg::{Adg, AdgError, Appended, Costs, Cut, Node, Pace};
 use fleetyard_fleet::batch::{Batch, judge};
@@ -86,7 +86,8 @@ impl Yard {
         walks.random.shuffle(&mut starts);
         starts.truncate(agents);
         let agents = starts.len();
-        let adg = Adg::new(&walks.grid, &starts, &north(agents), costs).unwrap();
+        let mut adg = Adg::new(&walks.grid, &starts, &north(agents), costs).unwrap();
+        adg.tell_rest();
         let mut inside = vec![None; cells];
         let mut robots = Vec::new();
         for (agent, cell) in starts.iter().enumerate() {
@@ -155,16 +156,22 @@ impl Yard {
         let before: Vec<u32> = (0..self.robots.len())
             .map(|agent| self.adg.actions_left(agent))
             .collect();
-        let pending = self.adg.pending();
+        let pending = self.pending();
         let cut = self.adg.cut(lookahead);
         for (agent, before) in before.iter().enumerate() {
             assert!(self.adg.actions_left(agent) >= *before.min(&lookahead));
         }
-        self.judge_cut(pending, &cut);
+        self.judge_cut(&pending, &cut);
+    }
+
+    /// The cells of what is pending, per agent.
+    fn pending(&self) -> Vec<Vec<u32>> {
+        let nodes = |agent| self.adg.nodes(agent).map(|node| node.cell).collect();
+        (0..self.robots.len()).map(nodes).collect()
     }
 
     fn cut_within(&mut self, horizon_s: f64, since_s: f64) {
-        let pending = self.adg.pending();
+        let pending = self.pending();
         let told: Vec<u32> = (0..self.robots.len())
             .map(|agent| self.adg.progress(agent).1)
             .collect();
@@ -172,11 +179,13 @@ impl Yard {
         for (agent, told) in told.iter().enumerate() {
             assert_eq!(self.adg.progress(agent).1, *told, "what robots have stays");
         }
-        self.judge_cut(pending, &cut);
+        self.judge_cut(&pending, &cut);
     }
 
-    fn judge_cut(&mut self, pending: usize, cut: &Cut) {
-        assert_eq!(pending - self.adg.pending(), cut.dropped);
+    fn judge_cut(&mut self, pending: &[Vec<u32>], cut: &Cut) {
+        let before: usize = pending.iter().map(Vec::len).sum();
+        assert_eq!(before - self.adg.pending(), cut.dropped);
+        self.judge_rest(pending, cut);
         let distinct: BTreeSet<u32> = cut.cells.iter().copied().collect();
         assert_eq!(
             distinct.len(),
@@ -195,6 +204,26 @@ impl Yard {
             assert_eq!(cut.next_goal[agent], told, "a cut un-matches what it drops");
         }
         self.check();
+    }
+
+    /// The rest has the moves that were dropped, and is a plan that may be executed.
+    fn judge_rest(&self, pending: &[Vec<u32>], cut: &Cut) {
+        let grid = &self.walks.grid;
+        let rest = RestOfPlan {
+            paths: cut.rest.clone(),
+        };
+        let plan = rest.plan(&cut.cells, grid.rows(), grid.cols()).unwrap();
+        for (agent, pending) in pending.iter().enumerate() {
+            let kept = self.adg.nodes(agent).count();
+            let mut dropped = vec![cut.cells[agent]];
+            dropped.extend(&pending[kept..]);
+            dropped.dedup();
+            let mut path = plan.path(agent).to_vec();
+            path.dedup();
+            assert_eq!(path, dropped);
+        }
+        let instance = Instance::one_shot(cut.cells.clone(), cut.cells.clone());
+        judge(grid, &instance, plan).expect("nobody collides who keeps to the rest");
     }
 
     fn check(&self) {
