@@ -299,7 +299,9 @@ pub mod hex {
     /// Writes bytes.
     pub fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
         let mut text = String::with_capacity(2 * bytes.len());
-        bytes.iter().for_each(|byte| push_byte(&mut text, *byte));
+        for byte in bytes {
+            push_byte(&mut text, *byte);
+        }
         serializer.serialize_str(&text)
     }
 

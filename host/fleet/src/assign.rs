@@ -181,7 +181,7 @@ struct Given {
     id: u64,
     end: u32,
     released_s: f64,
-    given_s: f64,
+    since_s: f64,
 }
 
 impl Tasks {
@@ -214,7 +214,7 @@ impl Tasks {
             id: task.id,
             end,
             released_s: task.released_s,
-            given_s,
+            since_s: given_s,
         });
     }
 
@@ -395,7 +395,7 @@ impl Assigner {
                 let since_s = if current { stream.since_s } else { time_s };
                 match self.given(agent, index) {
                     Some((task, at, _)) => {
-                        all.push(Some((task.id, at)), task.released_s, task.given_s);
+                        all.push(Some((task.id, at)), task.released_s, task.since_s);
                     }
                     None => all.push(None, since_s, since_s),
                 }

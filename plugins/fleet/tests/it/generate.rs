@@ -131,6 +131,7 @@ fn tasks_go_to_the_nearest_idle_agents() {
     let task = |id, cells: &[u32]| Task {
         id,
         places: cells.to_vec(),
+        released_s: 0.0,
     };
     fleet.tasks = vec![
         task(9, &[5, 1]),
