@@ -16,6 +16,9 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
+#[path = "../fuzz/src/lib.rs"]
+pub mod fuzz;
+mod fuzz_corpus;
 mod grace;
 mod maze_benchmark;
 mod protocol;
@@ -23,6 +26,7 @@ mod protocol;
 mod rows;
 mod scaffold;
 mod simulate;
+mod slurm;
 mod trace;
 mod tutorials;
 mod views;

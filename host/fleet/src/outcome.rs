@@ -209,26 +209,3 @@ impl FleetOutcome {
     /// Most events that are listed; all are counted.
     pub const EVENTS: usize = 1000;
 }
-
-#[cfg(test)]
-mod tests {
-    use super::CallTimes;
-
-    #[test]
-    fn percentiles_are_of_the_nearest_rank() {
-        let times = CallTimes::of((1..=100).rev().map(f64::from).collect());
-        let expected = CallTimes {
-            mean: 50.5,
-            p50: 50.0,
-            p95: 95.0,
-            max: 100.0,
-        };
-        assert_eq!(times, expected);
-        assert_eq!(CallTimes::of(vec![]), CallTimes::default());
-        let one = CallTimes::of(vec![3.0]);
-        assert_eq!(
-            [one.p50, one.p95].map(f64::to_bits),
-            [3.0; 2].map(f64::to_bits)
-        );
-    }
-}

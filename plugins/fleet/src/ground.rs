@@ -29,6 +29,11 @@ pub struct Ground {
 }
 
 impl Ground {
+    /// The free cells and their neighbours.
+    pub fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
     /// Number of the connected region that a vertex is in.
     pub(crate) fn region(&self, v: Vertex) -> u32 {
         self.region[v as usize]
@@ -66,7 +71,7 @@ impl Learn for Ground {
 
 /// Searches on a map, with memory that they share.
 #[derive(Debug)]
-pub(crate) struct Search<'g> {
+pub struct Search<'g> {
     ground: &'g Ground,
     /// The search that has seen a vertex last.
     seen: Vec<u32>,
@@ -77,7 +82,8 @@ pub(crate) struct Search<'g> {
 }
 
 impl<'g> Search<'g> {
-    pub(crate) fn new(ground: &'g Ground) -> Self {
+    /// A search that has seen nothing.
+    pub fn new(ground: &'g Ground) -> Self {
         Self {
             ground,
             seen: vec![0; ground.graph.len()],
@@ -97,7 +103,7 @@ impl<'g> Search<'g> {
     }
 
     /// The nearest vertex that is wanted, `from` included; of equals the one found first.
-    pub(crate) fn nearest(
+    pub fn nearest(
         &mut self,
         from: Vertex,
         mut wanted: impl FnMut(Vertex) -> bool,
@@ -126,7 +132,7 @@ impl<'g> Search<'g> {
     ///
     /// A*: on a grid a move keeps the estimate of the whole way or makes it two longer, so
     /// two stacks do for a queue.
-    pub(crate) fn distance(&mut self, from: Vertex, to: Vertex, most: u32) -> Option<u32> {
+    pub fn distance(&mut self, from: Vertex, to: Vertex, most: u32) -> Option<u32> {
         let ground = self.ground;
         if ground.region(from) != ground.region(to) {
             return None;
@@ -166,51 +172,5 @@ impl<'g> Search<'g> {
             estimate += 2;
         }
         None
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use fleetyard_abi::GridEnvironment;
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn ground(rows: u32, cols: u32, blocked: &[bool]) -> Ground {
-        let passable: Vec<u8> = blocked.iter().map(|blocked| u8::from(!blocked)).collect();
-        let environment = GridEnvironment::four_connected(rows, cols, passable).into();
-        Ground::learn(&environment).unwrap()
-    }
-
-    proptest! {
-        /// Both searches find what is there, and distances are those of the shortest ways.
-        #[test]
-        fn distances_are_shortest(blocked in prop::collection::vec(prop::bool::weighted(0.3), 63)) {
-            let ground = ground(7, 9, &blocked);
-            let mut search = Search::new(&ground);
-            let free = ground.graph.len() as Vertex;
-            for from in 0..free {
-                // Distances by levels, found without any of the code above.
-                let mut steps = vec![None; free as usize];
-                steps[from as usize] = Some(0);
-                for level in 0..free {
-                    for v in 0..free {
-                        if steps[v as usize] == Some(level) {
-                            for near in ground.graph.neighbors(v) {
-                                steps[near as usize].get_or_insert(level + 1);
-                            }
-                        }
-                    }
-                }
-                for to in 0..free {
-                    let apart = steps[to as usize];
-                    prop_assert_eq!(search.distance(from, to, u32::MAX), apart);
-                    if let Some(apart) = apart.filter(|apart| *apart > 0) {
-                        prop_assert_eq!(search.distance(from, to, apart - 1), None);
-                    }
-                    prop_assert_eq!(search.nearest(from, |v| v == to).is_some(), apart.is_some());
-                }
-            }
-        }
     }
 }

@@ -11,7 +11,7 @@
 #![forbid(unsafe_code)]
 
 pub mod generate;
-mod ground;
+pub mod ground;
 pub mod invocation;
 pub mod recover;
 

@@ -1,7 +1,7 @@
 //! Time to the first plan, of refinement up to a fixed limit, and of calls for a fleet that
 //! works without end, on generated maps.
 
-#[path = "../tests/it/support.rs"]
+#[path = "../../bundle/tests/it/mapf/support.rs"]
 mod support;
 
 use std::sync::Arc;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::GridPlan;
 use fleetyard_plugin_mapf::{Algorithm, Observer, Options, Outcome};
 
-#[path = "../tests/it/support.rs"]
+#[path = "../../bundle/tests/it/mapf/support.rs"]
 mod support;
 
 struct Console {

@@ -1,6 +1,6 @@
 //! Plans for the first N robots of a file of tasks in the plane: `discs TASKS N [ORDERS [SEED]]`.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../../bundle/tests/it/plane/support.rs"]
 mod support;
 
 use std::error::Error;

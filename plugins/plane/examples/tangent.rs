@@ -1,6 +1,6 @@
 //! The shortest way of the first robot of a file of tasks in the plane: `tangent TASKS`.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../../bundle/tests/it/plane/support.rs"]
 mod support;
 
 use std::error::Error;

@@ -3,7 +3,7 @@
 
 #![allow(missing_docs, reason = "criterion generates undocumented items")]
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
 
 use std::env;

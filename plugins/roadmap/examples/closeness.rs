@@ -1,6 +1,6 @@
 //! Works out everything that is close to each other on the roadmap of a file of tasks: `closeness TASKS`.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
 
 use std::error::Error;

@@ -1,6 +1,6 @@
 //! Plans for the first N discs of a file of tasks on a roadmap: `ctc TASKS N [ORDERS [SEED]]`.
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
 
 use std::error::Error;

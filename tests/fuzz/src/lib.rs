@@ -3,7 +3,7 @@
 //!
 //! A target is a function of some bytes that panics when a property does not hold. It
 //! stands here once and is run twice: by libFuzzer, through the programs in
-//! `fuzz_targets/`, and by `tests/fuzz_corpus.rs` on the committed corpus and seeded
+//! `fuzz_targets/`, and by `tests/e2e/fuzz_corpus.rs` on the committed corpus and seeded
 //! mutations of it, as a test like any other. Neither measures time.
 //!
 //! Failures, whatever the bytes: a panic, an endless loop, a small input that

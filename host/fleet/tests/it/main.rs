@@ -1,6 +1,7 @@
-//! Batches, the action dependency graph and tasks.
+//! Settings, batches, the action dependency graph and tasks.
 
 mod adg;
 mod assign;
 mod batch;
+mod config;
 mod walks;

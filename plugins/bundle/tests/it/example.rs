@@ -1,42 +1,16 @@
 //! Each example plugin through the SDK's catalogue, as a host uses it.
 
-#![allow(missing_docs)]
-
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use fleetyard_abi::object::Object;
-use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
+use fleetyard_abi::sdk::{Catalog, Failure, Options};
 use fleetyard_abi::{
-    Budget, FleetState, FleetStatus, GridEnvironment, GridPlan, Instance, Kind, LogLevel, PlanRef,
-    Request, SharedEnvironment, Status,
+    Budget, FleetState, FleetStatus, GridEnvironment, GridPlan, Instance, Kind, SharedEnvironment,
+    Status,
 };
 use fleetyard_example_rust::catalog;
-
-#[derive(Default)]
-struct Collected {
-    plan: Mutex<Option<GridPlan>>,
-    request: Mutex<Option<Request>>,
-    cancelled: bool,
-}
-
-impl Sink for Collected {
-    fn submit_plan(&self, plan: PlanRef<'_>) -> Result<(), Rejected> {
-        *self.plan.lock().unwrap() = plan.to_plan().into_cells();
-        Ok(())
-    }
-    fn submit_request(&self, request: &Request) -> Result<(), Rejected> {
-        *self.request.lock().unwrap() = Some(request.clone());
-        Ok(())
-    }
-    fn note(&self, _: &str, _: &str) {}
-    fn metric(&self, _: &str, _: f64) {}
-    fn log(&self, _: LogLevel, _: &str) {}
-    fn progress(&self, _: u64, _: u64) {}
-    fn cancelled(&self) -> bool {
-        self.cancelled
-    }
-}
+use fleetyard_testkit::Notes;
 
 fn grid(rows: &[&str], connectivity: u32) -> SharedEnvironment {
     let letters = rows.concat().into_bytes();
@@ -56,21 +30,21 @@ const BUDGET: Budget = Budget {
 };
 
 fn create(kind: Kind, id: &str, options: &str) -> Result<Object, Failure> {
-    catalog().create(kind, id, Options::new(options), &Collected::default())
+    catalog().create(kind, id, Options::new(options), &Notes::default())
 }
 
 fn plan(
     map: &SharedEnvironment,
     options: &str,
     instance: &Instance,
-    sink: &Collected,
+    sink: &Notes,
 ) -> Result<GridPlan, Failure> {
     let Object::Planner(mut planner) = create(Kind::Planner, "layered", options)? else {
         panic!("another kind");
     };
     planner.prepare(map, &BUDGET, sink)?;
     planner.plan(instance, &BUDGET, sink)?;
-    Ok(sink.plan.lock().unwrap().take().expect("a plan"))
+    Ok(sink.plans.lock().unwrap().pop().expect("a plan"))
 }
 
 /// The rules of classical MAPF, in the plainest way.
@@ -113,11 +87,11 @@ fn layered_solves_what_needs_another_order_and_giving_way() {
     for (rows, starts, goals, most_steps) in cases {
         let map = grid(rows, 4);
         let instance = Instance::one_shot(starts, goals);
-        let solved = plan(&map, "", &instance, &Collected::default()).unwrap();
+        let solved = plan(&map, "", &instance, &Notes::default()).unwrap();
         assert_solves(&solved, &instance, &map);
         let steps = solved.paths().map(|path| path.len() - 1).max();
         assert!(steps <= Some(most_steps as usize), "{steps:?} for {rows:?}");
-        let again = plan(&map, "{}", &instance, &Collected::default()).unwrap();
+        let again = plan(&map, "{}", &instance, &Notes::default()).unwrap();
         assert_eq!(solved, again, "equal for equal seeds");
     }
 }
@@ -125,9 +99,9 @@ fn layered_solves_what_needs_another_order_and_giving_way() {
 #[test]
 fn layered_says_why_not() {
     let row = grid(&["...@."], 4);
-    let cancelled = || Collected {
-        cancelled: true,
-        ..Collected::default()
+    let cancelled = || Notes {
+        cancelled: true.into(),
+        ..Notes::default()
     };
     let swap = || Instance::one_shot(vec![0, 2], vec![2, 0]);
     let two_goals = Instance {
@@ -138,45 +112,45 @@ fn layered_says_why_not() {
         (
             Instance::one_shot(vec![0], vec![4]),
             "",
-            Collected::default(),
+            Notes::default(),
             Status::Infeasible,
         ),
         (
             swap(),
             r#"{"attempts":5}"#,
-            Collected::default(),
+            Notes::default(),
             Status::GaveUp,
         ),
         (swap(), "", cancelled(), Status::TimedOut),
         (
             Instance::one_shot(vec![0, 1], vec![2, 2]),
             "",
-            Collected::default(),
+            Notes::default(),
             Status::Unsupported,
         ),
-        (two_goals, "", Collected::default(), Status::Unsupported),
+        (two_goals, "", Notes::default(), Status::Unsupported),
         (
             Instance::one_shot(vec![3], vec![2]),
             "",
-            Collected::default(),
+            Notes::default(),
             Status::InvalidInput,
         ),
         (
             Instance::one_shot(vec![9], vec![2]),
             "",
-            Collected::default(),
+            Notes::default(),
             Status::InvalidInput,
         ),
         (
             Instance::one_shot(vec![1, 1], vec![2, 0]),
             "",
-            Collected::default(),
+            Notes::default(),
             Status::InvalidInput,
         ),
         (
             swap(),
             r#"{"speed":5}"#,
-            Collected::default(),
+            Notes::default(),
             Status::InvalidInput,
         ),
     ];
@@ -185,7 +159,7 @@ fn layered_says_why_not() {
         assert_eq!(failure.status, status, "{failure}");
     }
     let eight = grid(&["..."], 8);
-    let failure = plan(&eight, "", &swap(), &Collected::default()).unwrap_err();
+    let failure = plan(&eight, "", &swap(), &Notes::default()).unwrap_err();
     assert_eq!(failure.status, Status::Unsupported);
 }
 
@@ -194,12 +168,12 @@ fn all_wait_waits() {
     let Object::FailPolicy(mut policy) = create(Kind::FailPolicy, "all-wait", "").unwrap() else {
         panic!("another kind");
     };
-    let sink = Collected::default();
+    let sink = Notes::default();
     policy.prepare(&grid(&["..."], 4), &BUDGET, &sink).unwrap();
     let instance = Instance::one_shot(vec![2, 0], vec![0, 2]);
     policy.recover(&instance, None, &BUDGET, &sink).unwrap();
-    let plan = sink.plan.into_inner().unwrap().unwrap();
-    assert_eq!(plan, GridPlan::from_paths([[2], [0]]));
+    let plans = sink.plans.into_inner().unwrap();
+    assert_eq!(plans, [GridPlan::from_paths([[2], [0]])]);
 }
 
 #[test]
@@ -222,7 +196,7 @@ fn random_goals_are_free_reachable_and_distinct() {
         tasks: Vec::new(),
         parts: Vec::new(),
     };
-    let sink = Collected::default();
+    let sink = Notes::default();
     generator.prepare(&map, &BUDGET, &sink).unwrap();
     let mut drawn = BTreeSet::new();
     for _ in 0..40 {
@@ -273,7 +247,7 @@ fn periodic_calls_when_it_is_time_or_somebody_is_idle() {
             action_s: 0.5,
             actions_left: actions_left.to_vec(),
         };
-        let answer = policy.should_invoke(&status, &Collected::default());
+        let answer = policy.should_invoke(&status, &Notes::default());
         assert_eq!(answer, Ok(expected), "{options}");
     }
     for options in [r#"{"period_s":-1}"#, r#"{"period_s":"x"}"#, "[]"] {

@@ -1,5 +1,7 @@
 //! The promises of the planners, judged by a checker that does not use their tables.
 
+mod fewest;
+
 use std::sync::atomic::Ordering;
 
 use fleetyard_abi::object::Object;

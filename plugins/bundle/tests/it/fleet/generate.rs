@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::common::{BUDGET, drawn, map};
+use super::common::{BUDGET, drawn, map};
 use fleetyard_abi::sdk::{Failure, InstanceGenerator, Options};
 use fleetyard_abi::{
     Assignment, FleetState, Goals, Heading, Instance, Motion, Objective, Request,

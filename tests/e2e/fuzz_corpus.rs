@@ -9,9 +9,6 @@
 
 #![allow(unsafe_code, reason = "an allocator that counts")]
 
-#[path = "fuzz/src/lib.rs"]
-pub mod fuzz;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -21,7 +18,8 @@ use std::path::{Path, PathBuf};
 
 use fleetyard_core::Hasher;
 use fleetyard_world::SeededRandom;
-use fuzz::Target;
+
+use crate::fuzz::{self, Target};
 
 /// Names a file that is run instead of the corpus.
 const REPLAY: &str = "FLEETYARD_FUZZ_INPUT";
@@ -145,7 +143,7 @@ impl Food {
         let (name, file) = (self.name, file.display());
         panic!(
             "{reason}\nthe input is in {file}\nagain: \
-             {REPLAY}={file} cargo test -p fleetyard --test fuzz_corpus -- --exact {name}"
+             {REPLAY}={file} cargo test -p fleetyard --test e2e -- --exact fuzz_corpus::{name}"
         );
     }
 

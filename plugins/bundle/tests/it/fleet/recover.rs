@@ -1,6 +1,6 @@
 //! Fail policies: whatever the planner leaves, what they answer can be driven.
 
-use crate::common::{BUDGET, drawn, map};
+use super::common::{BUDGET, drawn, map};
 use fleetyard_abi::object::{FailPolicy, Object};
 use fleetyard_abi::sdk::{self, Options, Plugin as _};
 use fleetyard_abi::{Budget, Goals, GridPlan, Heading, Instance, Motion, SharedEnvironment};

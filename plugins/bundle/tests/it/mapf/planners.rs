@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
-use crate::support::{Patient, solve, verify};
+use super::support::{Patient, solve, verify};
 use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
 use fleetyard_plugin_mapf::{Algorithm, Limit, Observer, Options, Outcome, ProblemError};
 use fleetyard_testkit::{Case, grid};

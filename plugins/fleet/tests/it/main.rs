@@ -1,5 +1,0 @@
-//! Instance generators and fail policies.
-
-mod common;
-mod generate;
-mod recover;
