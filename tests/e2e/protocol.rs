@@ -24,29 +24,34 @@ fn document() -> String {
 
 // ---- Tables ----------------------------------------------------------------------------
 
-/// The values of a schema, in words.
-fn words(schema: &Value) -> String {
+/// The values of a schema: names of types, `[]` after what a list is of. `null` is a value of its
+/// own only where a field must be there.
+fn words(schema: &Value, may_be_absent: bool) -> String {
     if let Some(name) = schema["$ref"].as_str() {
         let name = name.trim_start_matches("#/$defs/");
         return format!("[{name}](#{})", name.to_lowercase());
     }
+    let shown = |kind: &str| !(may_be_absent && kind == "null");
     let alternatives = schema["anyOf"].as_array().or(schema["oneOf"].as_array());
     if let Some(alternatives) = alternatives {
-        let all: Vec<String> = alternatives.iter().map(words).collect();
-        return all.join(", or ");
+        let all = alternatives.iter().map(|one| words(one, false));
+        let all: Vec<String> = all.filter(|kind| shown(kind)).collect();
+        return all.join(" or ");
     }
     let of = |kind: &str| match kind {
         "array" => {
-            let items = &schema["items"];
-            match (items.is_null(), schema["maxItems"].as_u64()) {
-                (true, _) => "list".to_owned(),
-                (_, Some(length)) => format!("list of {length}: {}", words(items)),
-                _ => format!("list of {}", words(items)),
+            let length = schema["maxItems"].as_u64().map(|length| length.to_string());
+            let items = match &schema["items"] {
+                Value::Null => "list".to_owned(),
+                items => words(items, false),
+            };
+            match items.contains(' ') && !items.ends_with(']') {
+                true => format!("({items})[{}]", length.unwrap_or_default()),
+                false if schema["items"].is_null() => items,
+                false => format!("{items}[{}]", length.unwrap_or_default()),
             }
         }
-        "boolean" => "`true` or `false`".to_owned(),
         "integer" if schema["minimum"] == 0 => "unsigned".to_owned(),
-        "integer" => "integer".to_owned(),
         "string" => match schema["const"].as_str() {
             Some(text) => format!("`\"{text}\"`"),
             None => "text".to_owned(),
@@ -57,7 +62,8 @@ fn words(schema: &Value) -> String {
         Value::String(kind) => of(kind),
         Value::Array(kinds) => {
             let kinds = kinds.iter().filter_map(Value::as_str);
-            kinds.map(of).collect::<Vec<_>>().join(" or ")
+            let kinds = kinds.filter(|kind| shown(kind)).map(of);
+            kinds.collect::<Vec<_>>().join(" or ")
         }
         _ => "any JSON".to_owned(),
     }
@@ -96,20 +102,20 @@ fn fields(schema: &Value) -> String {
         } else if let Some(variants) = variants {
             out.push('\n');
             for variant in variants {
-                let mut what = words(variant);
+                let mut what = words(variant, false);
                 if let Some(properties) = variant["properties"].as_object() {
                     let tags = properties.iter();
-                    let tags = tags.map(|(tag, value)| format!("`{tag}` {}", words(value)));
+                    let tags = tags.map(|(tag, value)| format!("`{tag}` {}", words(value, false)));
                     what = tags.collect::<Vec<_>>().join(", ");
                     if variant["$ref"].is_string() {
-                        let _ = write!(what, " and the fields of {}", words(variant));
+                        let _ = write!(what, " and the fields of {}", words(variant, false));
                     }
                 }
                 let _ = writeln!(out, "- {what}: {}", sentence(variant));
             }
         } else {
             let examples = definition["items"]["examples"].as_array();
-            let _ = write!(out, "\nA {}", words(definition));
+            let _ = write!(out, "\n{}", words(definition, false));
             if let Some(examples) = examples {
                 let examples: Vec<String> =
                     examples.iter().map(|name| format!("`{name}`")).collect();
@@ -134,13 +140,14 @@ fn members(out: &mut String, properties: &serde_json::Map<String, Value>, of: &V
     for name in required.iter().copied().chain(optional) {
         let property = &properties[name];
         let default = property.get("default").filter(|value| !value.is_null());
-        let may = match default {
-            Some(default) => format!("; default `{default}`"),
-            None if required.contains(&name) => String::new(),
-            None => "; optional".to_owned(),
+        let required = required.contains(&name);
+        let (mark, default) = match default {
+            Some(default) => ("", format!(", `{default}`")),
+            None if required => ("", String::new()),
+            None => ("?", String::new()),
         };
-        let (kind, meaning) = (words(property), sentence(property));
-        let _ = writeln!(out, "- `{name}` ({kind}{may}): {meaning}");
+        let (kind, meaning) = (words(property, !required), sentence(property));
+        let _ = writeln!(out, "- `{name}{mark}` ({kind}{default}): {meaning}");
     }
 }
 
