@@ -133,8 +133,8 @@ def count(number, what):
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def share(part, whole):
-    return f"{part} of {whole}"
+def share(part, whole, by="/"):
+    return f"{part}{by}{whole}"
 
 
 class Page:
@@ -312,7 +312,7 @@ def losses(trials):
     if not trials.exact:
         told.append("**No planner for the plane knows double integrators.** "
                     f"`{base}` plans for discs that set out, turn and stop in no time, at 0.5 m/s: "
-                    f"{share(sum(not row['keeps_limits'] for row in plans), len(plans))} of its plans break the task's limits of acceleration. All "
+                    f"{share(sum(not row['keeps_limits'] for row in plans), len(plans), ' of ')} of its plans break the task's limits of acceleration. All "
                     "other figures are relative to such plans, not to plans of db-CBS.")
     touched = []
     for view, (planner, line) in trials.chosen.items():
@@ -322,16 +322,16 @@ def losses(trials):
     touched = sorted(((some, of, name) for some, of, name in touched if some), key=lambda one: -one[0] / one[1])
     if touched:
         told.append("**Driven by double integrators, plans touch**: "
-                    + ", ".join(f"{share(some, of)} {name}" for some, of, name in touched)
+                    + ", ".join(f"{share(some, of, ' of ')} {name}" for some, of, name in touched)
                     + ". Robots are some centimetres behind plans that do not know of inertia, and cut corners.")
     for view in ("grid", "grid-strict"):
         rows = [row for (of, _), line in trials.lines.items() if of == view for row in line.values() if row["valid"]]
         bad = [row for row in rows if not row["valid_in_world"]]
         if bad:
             near = [row["followed_nearest_m"] for row in bad if row["followed_nearest_m"] is not None]
-            told.append(f"**{share(len(bad), len(rows))} plans {PLACES[view]} keep the rules of the grid and overlap in the world**"
+            told.append(f"**{share(len(bad), len(rows), ' of ')} plans {PLACES[view]} keep the rules of the grid and overlap in the world**"
                         + (f", with centres down to {min(near):.3f} m apart" if near else "") + ".")
-    unsolved = [f"{share(sum(not row['valid'] for row in line.values()), len(line))} {PLACES[view]} by `{planner}`"
+    unsolved = [f"{share(sum(not row['valid'] for row in line.values()), len(line), ' of ')} {PLACES[view]} by `{planner}`"
                 for view, (planner, line) in trials.chosen.items() if not all(row["valid"] for row in line.values())]
     if unsolved:
         told.append("**Not solved**: " + ", ".join(unsolved) + ".")

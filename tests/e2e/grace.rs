@@ -84,7 +84,7 @@ fn representations_are_compared_and_the_page_says_so() {
         "roadmap S",
         "roadmap D",
         "roadmap SD",
-        "| plane | `plane-pp` | 24 of 24 | 100 | 100 | 100 | 100 | 100 | 100 |",
+        "| plane | `plane-pp` | 24/24 | 100 | 100 | 100 | 100 | 100 | 100 |",
         "**No planner for the plane knows double integrators.**",
         "24 of 24 of its plans break the task's limits",
         "keep the rules of the grid and overlap in the world",
