@@ -72,6 +72,8 @@ pub(crate) struct Call<'a> {
     pub(crate) failed: Option<&'a Plan>,
     /// A part that the input has besides.
     pub(crate) part: Option<&'a Part>,
+    /// Memory that goes with the instance or the state.
+    pub(crate) memory: &'a [Part],
 }
 
 impl Call<'_> {
@@ -82,6 +84,7 @@ impl Call<'_> {
             threads: 1,
             failed: None,
             part: None,
+            memory: &[],
         }
     }
 }
@@ -94,6 +97,8 @@ pub(crate) struct Answer {
     pub(crate) said: Said,
     /// Metrics that it reported.
     pub(crate) figures: BTreeMap<String, f64>,
+    /// Bytes that it kept.
+    pub(crate) kept: Option<Vec<u8>>,
     /// Wall time of the call.
     pub(crate) wall: Duration,
     /// Time between the deadline and the return of the call.
@@ -454,6 +459,7 @@ impl<'a> Trial<'a> {
         let more = || call.part.cloned();
         let mut instance = scene.instance();
         instance.parts.extend(more());
+        instance.parts.extend_from_slice(call.memory);
         let started = Instant::now();
         let answer = match self.kind() {
             Kind::Planner => Self::planned(session.plan(&instance, &budget), call),
@@ -465,12 +471,14 @@ impl<'a> Trial<'a> {
                 let mut state = scene.state();
                 state.parts.extend(more());
                 state.next.parts.extend(more());
-                let answered = session.generate(&state, &budget);
-                answered_by(
-                    answered.map(|made| Said::Request(made.request)),
-                    started.elapsed(),
-                    call,
-                )
+                state.parts.extend_from_slice(call.memory);
+                let mut kept = None;
+                let said = session.generate(&state, &budget).map(|made| {
+                    kept = made.kept;
+                    Said::Request(made.request)
+                });
+                let answer = answered_by(said, started.elapsed(), call);
+                answer.map(|answer| Answer { kept, ..answer })
             }
             Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
         }?;
@@ -493,6 +501,7 @@ impl<'a> Trial<'a> {
             incumbents,
             planning,
             metrics,
+            kept,
             ..
         } = run;
         let (status, message) = match fault {
@@ -516,6 +525,7 @@ impl<'a> Trial<'a> {
                 Said::Plans(plans)
             },
             figures: metrics,
+            kept,
             wall: planning,
             late: planning.saturating_sub(call.wall),
             by_clock: is_long(planning, call.wall),
@@ -755,6 +765,7 @@ fn answered_by(said: Result<Said, Fault>, wall: Duration, call: &Call<'_>) -> St
         message,
         said,
         figures: BTreeMap::new(),
+        kept: None,
         wall,
         late: wall.saturating_sub(call.wall),
         by_clock: is_long(wall, call.wall),

@@ -410,3 +410,245 @@ fn matched(
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_abi::Goals;
+    use fleetyard_world::SeededRandom;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const BLOCK_S: f64 = 0.1;
+    const PERIOD: u64 = 200;
+
+    /// Robots that stand or move, and calls, as a trace has them.
+    #[derive(Default)]
+    struct Trace {
+        /// Block, cell and direction of a move.
+        moves: Vec<(u64, usize, usize)>,
+        /// Block of the call before, block of a call, and a cell where somebody waited meanwhile.
+        waits: Vec<(u64, u64, usize)>,
+    }
+
+    impl Trace {
+        /// The average at a snapshot of what comes to so much in each period.
+        fn average(&self, number: u64, amount: impl Fn(&Self, u64) -> f64) -> f64 {
+            let stays = (-PERIOD_S / TIME_CONSTANT_S).exp();
+            let periods = (1..=number).map(|period| {
+                let share = amount(self, period).min(1.0);
+                stays.powi((number - period) as i32) * (1.0 - stays) * share
+            });
+            periods.sum()
+        }
+
+        fn waiting(&self, number: u64, cell: usize) -> f64 {
+            self.average(number, |trace, period| {
+                let (begin, end) = ((period - 1) * PERIOD, period * PERIOD);
+                let waits = trace.waits.iter().filter(|wait| wait.2 == cell);
+                let blocks = waits.map(|wait| wait.1.min(end).saturating_sub(wait.0.max(begin)));
+                blocks.sum::<u64>() as f64 / PERIOD as f64
+            })
+        }
+
+        fn flow(&self, number: u64, cell: usize, direction: usize, step_s: f64) -> f64 {
+            self.average(number, |trace, period| {
+                let within = |block: u64| block > (period - 1) * PERIOD && block <= period * PERIOD;
+                let moves = trace.moves.iter();
+                let moves =
+                    moves.filter(|made| within(made.0) && (made.1, made.2) == (cell, direction));
+                moves.count() as f64 * step_s / PERIOD_S
+            })
+        }
+    }
+
+    fn near(byte: u8, average: f64) -> bool {
+        (f64::from(byte) - 255.0 * average).abs() <= 0.51
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 24,
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        /// Snapshots are what a trace says, recomputed without a trick, within their unit.
+        #[test]
+        fn averages_are_those_of_the_trace(
+            seed in any::<u64>(),
+            step_s in 0.3..2.0_f64,
+            every in 1_u64..450,
+            blocks in 1_u64..1500,
+        ) {
+            let grid = Grid::new("open", 4, 5, vec![b'.'; 20]).unwrap();
+            let mut chance = SeededRandom::new("traffic", seed);
+            let mut at = vec![0_u32, 7, 19];
+            let mut ends = at.clone();
+            let mut traffic = Traffics::new(&grid, &at, BLOCK_S, step_s);
+            let mut trace = Trace::default();
+            let mut called: Option<(u64, Vec<u32>)> = None;
+            for block in 0..=blocks {
+                for agent in 0..at.len() {
+                    if block > 0 && chance.unit() < 0.1 {
+                        let (from, cell) = (at[agent] as usize, at[agent]);
+                        let (row, col) = grid.row_col(cell);
+                        let (direction, to) = match chance.below(4) {
+                            0 if row > 0 => (0, cell - 5),
+                            1 if col < 4 => (1, cell + 1),
+                            2 if row < 3 => (2, cell + 5),
+                            3 if col > 0 => (3, cell - 1),
+                            _ => (0, cell),
+                        };
+                        traffic.done(agent, to);
+                        if to != cell {
+                            trace.moves.push((block, from, direction));
+                        }
+                        at[agent] = to;
+                    }
+                }
+                traffic.block(block);
+                if block.is_multiple_of(every) {
+                    for end in &mut ends {
+                        if chance.unit() < 0.3 {
+                            *end = chance.below(20) as u32;
+                        }
+                    }
+                    let goals: Vec<bool> = ends.iter().map(|_| chance.unit() < 0.8).collect();
+                    if let Some((before, stood)) = &called {
+                        for agent in (0..at.len()).filter(|agent| goals[*agent]) {
+                            if stood[agent] == ends[agent] {
+                                trace.waits.push((*before, block, ends[agent] as usize));
+                            }
+                        }
+                    }
+                    traffic.call(block, &ends, |agent, _| goals[agent]);
+                    called = Some((block, ends.clone()));
+                }
+            }
+            // Snapshots are complete when a call comes after them.
+            let last = called.as_ref().map_or(0, |(block, _)| block / PERIOD);
+            let now = called.map_or(0, |(block, _)| block);
+            let part = traffic.part(now);
+            prop_assert_eq!(part.last.number, last);
+            prop_assert_eq!(part.before.number, last.saturating_sub(1));
+            prop_assert!(part.since_s >= 0.0 && part.since_s < PERIOD_S);
+            let whole = traffic.flowed == traffic.waited;
+            for cell in 0..20 {
+                for shot in [&part.last, &part.before] {
+                    let waiting = trace.waiting(shot.number, cell);
+                    prop_assert!(near(shot.waiting[cell], waiting), "{cell}: {waiting}");
+                    for direction in (0..4).filter(|_| whole) {
+                        let flow = trace.flow(shot.number, cell, direction, step_s);
+                        let byte = shot.flow[4 * cell + direction];
+                        prop_assert!(near(byte, flow), "{cell} {direction}: {byte} {flow}");
+                    }
+                }
+            }
+        }
+    }
+
+    fn goal_tasks(errands: &[Option<(u64, u32)>]) -> GoalTasks {
+        let mut tasks = GoalTasks {
+            time_s: 9.0,
+            ..GoalTasks::default()
+        };
+        for (errand, at) in errands.iter().zip(0..) {
+            tasks.push(*errand, f64::from(at), f64::from(at) + 0.5);
+        }
+        tasks
+    }
+
+    #[test]
+    fn goals_are_their_agents_own_in_their_order() {
+        let lists =
+            |lists: &[&[u32]]| -> Goals { lists.iter().map(|list| list.iter().copied()).collect() };
+        let state = FleetState {
+            time_s: 9.0,
+            next: Instance {
+                starts: vec![0, 1],
+                goals: lists(&[&[5, 6], &[1]]),
+                ..Instance::default()
+            },
+            tasks: vec![fleetyard_abi::Task {
+                id: 4,
+                places: vec![8, 9],
+                released_s: 2.5,
+            }],
+            parts: Vec::new(),
+        };
+        let known = goal_tasks(&[Some((3, 1)), None, None]);
+        // The first agent makes a detour, the second is given a task.
+        let instance = Instance {
+            goals: lists(&[&[7, 5, 6], &[1, 8, 9]]),
+            ..state.next.clone()
+        };
+        let given = [Assignment { agent: 1, task: 4 }];
+        let found = matched(&instance, &state, &known, &given);
+        assert_eq!(found.tasks, [None, Some(3), None, None, Some(4), Some(4)]);
+        assert_eq!(found.errands[4..], [Some(0), Some(1)]);
+        assert_eq!(found.released_s, [9.0, 0.0, 1.0, 2.0, 2.5, 2.5]);
+        assert_eq!(found.given_s, [9.0, 0.5, 1.5, 2.5, 9.0, 9.0]);
+    }
+
+    #[test]
+    fn modules_get_what_they_list_and_keep_what_is_new() {
+        let grid = Grid::new("open", 1, 2, vec![b'.'; 2]).unwrap();
+        let module = |kind, parts: &[&str]| ModuleInfo {
+            kind,
+            name: "test".into(),
+            id: "test".into(),
+            version: String::new(),
+            attach: "worker".into(),
+            digest: None,
+            options: serde_json::Map::new(),
+            memory: memory_of(
+                &parts
+                    .iter()
+                    .map(|part| format!("part:{part}"))
+                    .collect::<Vec<_>>(),
+            ),
+        };
+        let planner = module(
+            Kind::Planner,
+            &[c::KEPT_ID, c::TRAFFIC_ID, "org.example.x/1"],
+        );
+        let policy = module(Kind::FailPolicy, &[c::REST_OF_PLAN_ID]);
+        let nobody = module(Kind::InstanceGenerator, &[]);
+        assert_eq!(planner.memory, [c::TRAFFIC_ID, c::KEPT_ID]);
+        let all = [planner.clone(), policy.clone(), nobody.clone()];
+        let mut keeper = Keeper::new(&all, &grid, &[0], (BLOCK_S, 0.5));
+        assert!(keeper.wants_rest() && !keeper.wants_goal_tasks());
+        let kept = |bytes: &[u8]| Some(bytes.to_vec());
+        let memory = keeper.recall(0, vec!["E".into()], None);
+        let ids = |module| -> Vec<String> {
+            let parts = memory.parts(module, None);
+            parts.iter().map(|part| part.id.clone()).collect()
+        };
+        assert_eq!(ids(&planner), [c::TRAFFIC_ID]);
+        assert_eq!(ids(&policy), [c::REST_OF_PLAN_ID]);
+        assert_eq!(ids(&nobody), [""; 0]);
+        assert_eq!(memory.news(&policy, kept(b"x")), None);
+        let news = memory
+            .news(&planner, kept(b"x"))
+            .expect("it reads what it keeps");
+        let digest = |keeper: &Keeper, memory: &Memory| {
+            let mut hasher = Hasher::new("test");
+            keeper.hash(memory, &mut hasher);
+            hasher.finish()
+        };
+        let before = digest(&keeper, &memory);
+        keeper.keep(&[news]);
+        let memory = keeper.recall(0, vec!["E".into()], None);
+        assert_ne!(digest(&keeper, &memory), before);
+        assert_eq!(
+            memory.news(&planner, kept(b"x")),
+            None,
+            "the same as before"
+        );
+        assert_eq!(memory.news(&planner, None), None);
+        let parts = memory.parts(&planner, None);
+        assert_eq!(parts.len(), 2);
+        assert_eq!(parts[1].id, c::KEPT_ID);
+    }
+}

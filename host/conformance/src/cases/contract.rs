@@ -1,7 +1,12 @@
 //! Cases of what the contract says about inputs of every representation.
 
-use fleetyard_abi::{Capability, Environment, Motion, Part, SharedEnvironment, Status};
-use fleetyard_runtime::Fault;
+use std::time::Instant;
+
+use fleetyard_abi::{
+    Capability, Environment, GoalTasks, Kept, Motion, Part, RestOfPlan, SharedEnvironment,
+    Snapshot, Status, Traffic, View, c,
+};
+use fleetyard_runtime::{Fault, Session};
 use serde_json::json;
 
 use super::answers::{ONE_CELL, draw, easy};
@@ -114,6 +119,166 @@ fn refused(
     }
     if !message.contains(name) {
         trial.warn(format!("refuses {what} without its name, `{name}`"));
+    }
+    Ok(())
+}
+
+/// Other calls before a question is asked again.
+const OTHERS: u32 = 100;
+
+/// Memory of a fleet that has been on its way for a while, for a question with places, as far as
+/// the plugin reads it.
+fn memory(trial: &Trial<'_>, question: &dyn Question, kept: &[u8]) -> Step<Vec<Part>> {
+    let environment = question.environment()?;
+    let instance = question.instance();
+    let moves = match &environment.view {
+        View::Grid(grid) => grid.passable.len() * grid.connectivity as usize,
+        View::Roadmap(roadmap) => roadmap.edges.items().len(),
+        View::Workspace(_) => 0,
+    };
+    let averages = |len: usize, every: usize| -> Vec<u8> {
+        let average = |at: usize| {
+            if at.is_multiple_of(every) {
+                (at % 256) as u8
+            } else {
+                0
+            }
+        };
+        (0..len).map(average).collect()
+    };
+    let snapshot = |number: u64, every: usize| Snapshot {
+        number,
+        waiting: averages(environment.places().unwrap_or(0), every),
+        flow: averages(moves, every),
+    };
+    let mut goal_tasks = GoalTasks {
+        time_s: 105.5,
+        ..GoalTasks::default()
+    };
+    for (agent, goals) in instance.goals.iter().enumerate() {
+        for at in 0..goals.len() as u32 {
+            let task = (agent % 2 == 0).then_some((agent as u64, at));
+            // The last agents have had their goals for longest.
+            let given_s = 100.0 - agent as f64;
+            goal_tasks.push(task, given_s / 2.0, given_s);
+        }
+    }
+    let all = [
+        Part::from(Traffic {
+            period_s: 20.0,
+            time_constant_s: 50.0,
+            since_s: 5.5,
+            flow_unit_per_s: 0.5 / 255.0,
+            last: snapshot(5, 3),
+            before: snapshot(4, 5),
+        }),
+        Part::from(RestOfPlan {
+            paths: vec!["..".into(); instance.agents()],
+        }),
+        Part::from(goal_tasks),
+        Part::from(Kept {
+            bytes: kept.to_vec(),
+        }),
+    ];
+    Ok(all
+        .into_iter()
+        .filter(|part| reads(trial, &part.id))
+        .collect())
+}
+
+/// True if the plugin reads a part.
+fn reads(trial: &Trial<'_>, part: &str) -> bool {
+    let mut features = trial.descriptor().features.iter();
+    features.any(|feature| feature.strip_prefix("part:") == Some(part))
+}
+
+/// An answer to a question with memory.
+fn with_memory(
+    trial: &mut Trial<'_>,
+    session: &mut Session,
+    question: &dyn Question,
+    memory: &[Part],
+) -> Step<Answer> {
+    let call = Call {
+        memory,
+        ..Call::of(trial.wall())
+    };
+    let answer = trial.ask(session, question, &call)?;
+    trial.judge(question, &answer, Expectation::Plan)?;
+    Ok(answer)
+}
+
+pub(crate) fn memory_replayed(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = easy(trial)?;
+    let parts = [
+        c::TRAFFIC_ID,
+        c::REST_OF_PLAN_ID,
+        c::GOAL_TASKS_ID,
+        c::KEPT_ID,
+    ];
+    if !parts.iter().any(|part| reads(trial, part)) {
+        return Err(Stop::Skipped("it reads no memory".into()));
+    }
+    for representation in trial.any_representation() {
+        let question = representation.of(&scene);
+        let parts = memory(trial, &*question, &[])?;
+        let mut session = trial.ready(&*question)?;
+        let first = with_memory(trial, &mut session, &*question, &parts)?;
+        trial.close(session);
+        let kept = first.kept.clone().unwrap_or_default();
+        let others = [Vec::new(), memory(trial, &*question, &kept)?];
+        let mut session = trial.ready(&*question)?;
+        let started = Instant::now();
+        for (_, other) in (0..OTHERS).zip(others.iter().cycle()) {
+            with_memory(trial, &mut session, &*question, other)?;
+            // Those who take all of their time are asked less often.
+            if started.elapsed() > 4 * trial.wall() {
+                break;
+            }
+        }
+        let again = with_memory(trial, &mut session, &*question, &parts)?;
+        trial.close(session);
+        if trial.claims(Capability::Deterministic) {
+            same(&first, &again)
+                .and_then(|()| match first.kept == again.kept || first.by_clock {
+                    true => Ok(()),
+                    false => Err("what it keeps differs from one time to the next".into()),
+                })
+                .map_err(|reason| {
+                    let name = question.name();
+                    Stop::Failed(format!("{name}: with the same memory, {reason}"))
+                })?;
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn kept_bytes(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = easy(trial)?;
+    if !reads(trial, c::KEPT_ID) {
+        return Err(Stop::Skipped("it keeps no bytes".into()));
+    }
+    for representation in trial.any_representation() {
+        let question = representation.of(&scene);
+        let mut session = trial.ready(&*question)?;
+        let answer = with_memory(trial, &mut session, &*question, &[])?;
+        match &answer.kept {
+            Some(kept) => {
+                let parts = memory(trial, &*question, kept)?;
+                with_memory(trial, &mut session, &*question, &parts)?;
+            }
+            None => trial.warn(format!("{}: it kept nothing", question.name())),
+        }
+        let mut random = trial.random();
+        let mut garbage = vec![0_u8; c::KEPT_LIMIT as usize];
+        for byte in &mut garbage {
+            *byte = random.below(256) as u8;
+        }
+        for bytes in [&garbage[..1], &garbage[..7], &garbage] {
+            let parts = memory(trial, &*question, bytes)?;
+            with_memory(trial, &mut session, &*question, &parts)?;
+        }
+        trial.close(session);
     }
     Ok(())
 }

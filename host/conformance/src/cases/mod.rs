@@ -232,6 +232,13 @@ cases! {
     "critical-part", MAPS, NOTHING,
     "a critical part that it does not know: `unsupported`, with the name of the part",
     contract::critical_part;
+    "memory-replayed", MAPS, NOTHING,
+    "memory of the fleet, which it reads: the same answer from a fresh process and after a hundred \
+     other calls",
+    contract::memory_replayed;
+    "kept-bytes", MAPS, NOTHING,
+    "bytes that it kept come back, and it lives through bytes that it never kept",
+    contract::kept_bytes;
     "other-representation", MAPS, NOTHING,
     "a map of a representation that it does not claim: `unsupported`",
     contract::other_representation;
