@@ -108,7 +108,7 @@ const int faulty_has_no_entry = 1;
   F("huge-plan") F("null-plan") F("null-offsets") F("null-cells") F("bad-plan-size")   \
   F("unordered-offsets") F("bad-request")  F("fails") F("exit-after-plan")             \
   F("changes-plan-after") F("changes-plan-during") F("shrinks-plan")                   \
-  F("longjmp-callback") F("longjmp-stale") F("crash-after")
+  F("longjmp-callback") F("longjmp-stale") F("crash-after") F("keeps-too-much")
 
 #define ITEM(name) "\"" name "\","
 #define MISCHIEF_ITEM(name, function) ITEM(name)
@@ -691,6 +691,17 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
                                       .goal_offsets = instance->goal_offsets,
                                       .goals = instance->goals};
     sink->submit_request(sink->context, &request);
+  }
+  if (strcmp(fault, "keeps-too-much") == 0) {
+    const char *id = FLEETYARD_KEEP_ID;
+    const FleetyardKeep *host =
+        sink->get_extension(sink->context, (FleetyardStr){id, strlen(id)});
+    const FleetyardBytes bytes = {sizeof bytes, 0, calloc(FLEETYARD_KEPT_LIMIT + 1, 1),
+                                  FLEETYARD_KEPT_LIMIT + 1};
+    if (!host || !bytes.ptr)
+      return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "nothing to keep, or nobody who does");
+    host->keep(sink->context, &bytes);
+    free((void *)bytes.ptr);
   }
   if (strcmp(fault, "longjmp-stale") == 0)
     longjmp(out_of_prepare, 1);

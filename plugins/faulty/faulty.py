@@ -24,7 +24,7 @@ PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-go
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
     bad-status huge-plan huge-answer late-huge-answer incumbent-flood answers-early null-plan
     fails rpc-error bad-cells bad-moves exit-after-plan hangs-after-plan crash-after thread-raises forged-time
-    endless-call""".split()
+    endless-call keeps-too-much""".split()
 FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
 
 SCHEMA = {
@@ -284,6 +284,8 @@ def answer_plan(request, grid, params, fault, size, target):
         for _ in range(0, size, len(line)):
             write(line)
         write(b"\n" * (1 << 20))
+    if fault == "keeps-too-much":
+        notify("keep", bytes="00" * ((1 << 20) + 1))
     if fault == "exit-after-plan":
         notify("incumbent", paths=paths)
         sys.exit(0)

@@ -83,6 +83,7 @@ class Planner(Faulty, fleetyard.Planner):
     id = "faulty-fleet"
     description = "A planner that fails as asked."
     capabilities = CAPABILITIES
+    features = ("part:fleetyard.kept/1",)
     options_schema = schema(
         "crash",
         "late",
@@ -92,10 +93,22 @@ class Planner(Faulty, fleetyard.Planner):
         "collide",
         "collide-and-give-up",
         "remembers",
+        "keeps-garbage",
+        "keeps-too-much",
+        "keeps-and-crashes",
     )
 
     def plan(self, instance, budget, context):
         fault = self.fault()
+        if fault == "keeps-garbage":
+            context.keep(bytes((byte * self.calls) % 251 for byte in range(1000)))
+        if fault == "keeps-too-much":
+            context._notify("keep", lambda: {"bytes": "00" * (fleetyard.KEPT_LIMIT + 1)})
+        if self.options["fault"] == "keeps-and-crashes":
+            # The calls that ended well, whatever became of processes meanwhile.
+            context.keep(int.to_bytes(int.from_bytes(instance.parts.kept or b"", "big") + 1, 8, "big"))
+            if fault != "none":
+                os.kill(os.getpid(), signal.SIGSEGV)
         if fault == "gives-up":
             raise fleetyard.GaveUp("gave up as asked")
         if fault == "nonsense":

@@ -416,7 +416,7 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "unseeded",
-        "deterministic repeated-calls unknown-part",
+        "deterministic repeated-calls unknown-part memory-replayed",
     ),
     ("promising", "old-answer", "repeated-calls"),
     (
@@ -431,6 +431,8 @@ const PROMISES: &[Promise] = &[
     ("promising", "ignores-arrows", "move-mask"),
     ("promising", "idle-agent-blocks", "idle-agents"),
     ("promising", "refuses-parts", "unknown-part"),
+    ("promising", "remembers-calls", "memory-replayed"),
+    ("promising", "dies-of-bytes", "kept-bytes!"),
     ("promising", "short-seeds", "seed-53"),
     ("promising-roads", "none", ""),
     ("promising-plane", "none", ""),

@@ -482,6 +482,11 @@ const GROUPS: &[Group] = &[
                 &["the figure `lower_bound` must be a number from 0, not NaN"],
             ),
             (
+                "keeps-too-much",
+                ALL,
+                &["it keeps 1048577 bytes, more than the limit of 1048576"],
+            ),
+            (
                 "endless-call",
                 &[Stdio],
                 &["it claims to have worked for 1000000000s on a call of"],

@@ -7,7 +7,8 @@ use std::fs;
 use std::process::Command;
 
 use fleetyard_testkit::{
-    INPUT, NO_PLAN, SUCCESS, USAGE, Yard, each, have, is_ignored, map, root, until, words,
+    INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, each, have, is_ignored, map, root, until,
+    words,
 };
 use serde_json::Value;
 
@@ -154,7 +155,12 @@ fn a_killed_run_goes_on_as_if_nothing_had_been() {
 
 #[test]
 fn a_planner_that_remembers_cannot_be_resumed_in_silence() {
-    for (fault, is_told) in [("none", false), ("remembers", true)] {
+    // The last one keeps bytes that depend on what its process remembers.
+    for (fault, is_told) in [
+        ("none", false),
+        ("remembers", true),
+        ("keeps-garbage", true),
+    ] {
         let yard = Yard::new();
         let asked = format!("--duration 20s --option fault={fault} --record run");
         let whole = yard.run(&run(&asked)).expect(SUCCESS).json();
@@ -180,6 +186,155 @@ fn a_planner_that_remembers_cannot_be_resumed_in_silence() {
         let again = &replayed["metrics"]["event_counts"]["resumed-otherwise"];
         assert_eq!(again.as_u64(), is_told.then_some(1), "{fault}");
     }
+}
+
+/// The calls of a recording, without its header and its end.
+fn rounds(yard: &Yard, name: &str) -> Vec<Value> {
+    let text = String::from_utf8(yard.read(name)).unwrap();
+    let lines = text
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let rounds = lines.filter_map(|mut line| Some(line.get_mut("round")?.take()));
+    rounds.collect()
+}
+
+/// The bytes that a call has kept for a kind of module, if they are news.
+fn kept<'a>(round: &'a Value, kind: &str) -> Option<&'a str> {
+    let all = round["kept"].as_array()?;
+    all.iter().find(|kept| kept["kind"] == kind)?["bytes"].as_str()
+}
+
+#[test]
+fn memory_of_the_host_is_the_same_in_replays_and_after_a_restart() {
+    let yard = Yard::new();
+    let planner = root().join("plugins/examples/python/pibt.py");
+    let asked = format!(
+        "--map {} --agents 12 --duration 40s --seed 5 --window 0s --planner {} \
+         --generator distinct-one-goal --invocation periodic --fail-policy all-wait --limit 900ms",
+        map("empty-8-8.map"),
+        planner.display()
+    );
+    let whole = yard
+        .run(&run(&format!("{asked} --record run")))
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(
+        whole["modules"][0]["memory"],
+        serde_json::json!(["fleetyard.goal-tasks/1"])
+    );
+    assert!(
+        whole["modules"][1]["memory"].is_null(),
+        "{}",
+        whole["modules"]
+    );
+    let text = String::from_utf8(yard.read("run")).unwrap();
+    let lines: Vec<&str> = text.split_inclusive('\n').collect();
+    yard.write("part", lines[..9].concat());
+    for again in ["--replay run", "--resume part", "--replay part"] {
+        let again = yard
+            .line(&format!("fleet {again} --format json"))
+            .expect(SUCCESS);
+        assert_eq!(digest(&whole), digest(&again.json()), "{again}");
+        let told = &again.json()["metrics"]["event_counts"]["resumed-otherwise"];
+        assert!(told.is_null(), "{again}");
+    }
+    // A digest covers the memory: without it the state is another one.
+    let forgetful = text.replacen("fleetyard.goal-tasks/1", "fleetyard.traffic/1", 1);
+    yard.write("changed", forgetful);
+    let refused = yard.line("fleet --replay changed").expect(INPUT);
+    assert!(refused.stderr.contains("in another state"), "{refused}");
+}
+
+#[test]
+fn kept_bytes_outlive_the_process_that_kept_them() {
+    let yard = Yard::new();
+    let asked = "--duration 20s --option fault=keeps-and-crashes --option every=3 --record run";
+    let outcome = yard.run(&run(asked)).expect(SUCCESS).json();
+    let restarts = metric(&outcome, "restarts");
+    assert!(restarts >= 2, "{}", outcome["metrics"]);
+    let rounds = rounds(&yard, "run");
+    let found: Vec<u64> = (rounds.iter())
+        .filter_map(|round| kept(round, "planner"))
+        .map(|bytes| u64::from_str_radix(bytes, 16).unwrap())
+        .collect();
+    // A call that crashed has kept nothing, and its process was another one than the next.
+    let calls = metric(&outcome, "planner_calls");
+    assert_eq!(found, (1..=found.len() as u64).collect::<Vec<_>>());
+    assert!(
+        found.len() as u64 > 4 && (found.len() as u64) < calls,
+        "{found:?}"
+    );
+    let replayed = yard
+        .line("fleet --replay run --format json")
+        .expect(SUCCESS);
+    assert_eq!(digest(&outcome), digest(&replayed.json()));
+}
+
+#[test]
+fn a_module_that_keeps_too_much_breaks_the_protocol() {
+    let outcome = short("--option fault=keeps-too-much --option every=2");
+    let fault = event(&outcome, "planner-fault")["message"]
+        .as_str()
+        .unwrap();
+    assert!(
+        fault.contains("it keeps 1048577 bytes, more than the limit of 1048576"),
+        "{fault}"
+    );
+}
+
+#[test]
+fn a_library_keeps_bytes_in_a_worker_and_in_the_hosts_process() {
+    // It looks at all that there is to remember, and keeps the number of its calls.
+    let library = c_library("abi/tests/kept/1.0/kept.c", None);
+    let mut digests = Vec::new();
+    for attach in ["worker", "in-process"] {
+        let yard = Yard::new();
+        let line = format!(
+            "fleet --map {} --agents 6 --duration 45s --planner pibt --generator {}:kept-goals \
+             --attach {attach} --record run --format json",
+            map("empty-8-8.map"),
+            library.display()
+        );
+        let outcome = yard.run(&words(&line)).expect(SUCCESS).json();
+        assert_eq!(counts(&outcome)["generator-fault"], Value::Null, "{attach}");
+        let rounds = rounds(&yard, "run");
+        assert!(rounds.len() > 40, "{attach}");
+        for (asked, round) in (1_u64..).zip(&rounds) {
+            let bytes = kept(round, "instance-generator").expect("it is asked once more");
+            assert_eq!(
+                u64::from_str_radix(bytes, 16).unwrap().swap_bytes(),
+                asked,
+                "{attach}"
+            );
+        }
+        let text = String::from_utf8(yard.read("run")).unwrap();
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        yard.write("part", lines[..30].concat());
+        for again in ["--replay run", "--resume part"] {
+            let again = yard
+                .line(&format!("fleet {again} --format json"))
+                .expect(SUCCESS);
+            assert_eq!(digest(&outcome), digest(&again.json()), "{again}");
+            assert_eq!(
+                counts(&again.json())["resumed-otherwise"],
+                Value::Null,
+                "{again}"
+            );
+        }
+        digests.push(digest(&outcome));
+    }
+    assert_eq!(digests[0], digests[1]);
+    // Who keeps the same as before is no news.
+    let library = c_library("plugins/examples/c/first_task.c", None);
+    let yard = Yard::new();
+    let asked = format!(
+        "--generator {} --planner pibt --record run",
+        library.display()
+    );
+    yard.run(&run(&asked)).expect(SUCCESS);
+    let rounds = rounds(&yard, "run");
+    assert_eq!(kept(&rounds[0], "instance-generator"), Some("00000000"));
+    assert!(rounds[1..].iter().all(|round| round["kept"].is_null()));
 }
 
 #[test]

@@ -209,6 +209,62 @@ class Session(unittest.TestCase):
         answers, _ = converse([Test], create(), PREPARE, call)
         self.assertEqual(answers[2]["result"]["status"], "solved")
 
+    def test_memory(self):
+        seen = []
+
+        def plan(self, instance, budget, context):
+            seen.append(instance.parts)
+            context.keep(b"\x00\xa2")
+            with test.assertRaises(ValueError):
+                context.keep(bytes(fleetyard.KEPT_LIMIT + 1))
+            return [[start] for start in instance.starts]
+
+        test = self
+        times = {"period_s": 20, "time_constant_s": 50, "since_s": 3.5, "flow_unit_per_s": 0.5}
+        last = {"number": 1, "waiting": "g3fi", "flow": "m0A"}
+        before = {"number": 0, "waiting": "ih", "flow": "kj"}
+        parts = [
+            {"id": "fleetyard.traffic/1", "data": dict(times, last=last, before=before)},
+            {"id": "fleetyard.rest-of-plan/1", "data": {"paths": ["E.", ""]}},
+            {
+                "id": "fleetyard.goal-tasks/1",
+                "data": {
+                    "time_s": 23.5,
+                    "tasks": [7, None],
+                    "errands": [1, None],
+                    "released_s": [2, 21.5],
+                    "given_s": [9, 21.5],
+                },
+            },
+            {"id": "fleetyard.kept/1", "data": "00a1"},
+        ]
+        call = request(3, "plan", instance=dict(INSTANCE, parts=parts), budget=BUDGET)
+        answers, _ = converse([planner(plan)], create(), PREPARE, call)
+        self.assertEqual(answers[2]["method"], "keep")
+        self.assertEqual(answers[2]["params"], {"bytes": "00a2"})
+        self.assertEqual(answers[3]["result"]["status"], "solved")
+        memory = seen[0]
+        self.assertEqual(memory.traffic.last.waiting, bytes([0, 0x3F, 0, 0, 0, 0]))
+        self.assertEqual(memory.traffic.before.flow, bytes(24))
+        self.assertEqual((memory.traffic.before.number, memory.traffic.since_s), (0, 3.5))
+        with self.assertRaises(ValueError):
+            memory.traffic.last.flow
+        self.assertEqual(memory.rest_of_plan.paths, ["E.", ""])
+        self.assertEqual(memory.goal_tasks.tasks, [7, None])
+        self.assertEqual(memory.goal_tasks.given_s, [9.0, 21.5])
+        self.assertEqual(memory.kept, b"\x00\xa1")
+        self.assertEqual(fleetyard.Parts().kept, None)
+
+    def test_what_is_kept_belongs_to_calls(self):
+        def prepare(self, environment, budget, context):
+            context.keep(b"early")
+
+        Test = planner(lambda self, instance, *_: [[start] for start in instance.starts])
+        Test.prepare = prepare
+        answers, _ = converse([Test], create(), PREPARE)
+        self.assertEqual(answers[1]["result"]["status"], "internal-error")
+        self.assertIn("keep bytes", answers[1]["result"]["message"])
+
     def test_parts(self):
         def plan(self, instance, budget, context):
             context.log(repr((dict(self.grid.parts), dict(instance.parts))))

@@ -1,6 +1,9 @@
 /* An instance generator in one C file: an agent without a goal gets the first open task
  * that it can reach, in the order in which tasks were released.
  *
+ * The host keeps for the next call who comes after the last agent that was given a task: so
+ * agents take turns, and a run goes on alike after a restart.
+ *
  * An agent that is left without a task stays where it is. Agents may share a goal, which the planner
  * has to be able to deal with.
  *
@@ -64,22 +67,31 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
   int32_t status = FLEETYARD_STATUS_SOLVED;
   FleetyardDecision decision = fleetyard_decide(state);
   bool *given = fleetyard_array(state->tasks, sizeof *given);
-  for (uint32_t agent = 0; agent < decision.goals.agents; agent++) {
+  const FleetyardBytes *kept = fleetyard_kept(&state->parts);
+  uint32_t agents = decision.goals.agents, first = 0, next;
+  if (kept && kept->len == sizeof first)
+    memcpy(&first, kept->ptr, sizeof first);
+  next = first %= agents;
+  for (uint32_t i = 0; i < agents; i++) {
+    uint32_t agent = (first + i) % agents;
     const FleetyardPath *goals = &decision.goals.of[agent];
     for (uint32_t task = 0; task < state->tasks && goals->length == 0; task++)
       if (!given[task] && can_reach(generator, state, agent, task)) {
         given[task] = true;
         fleetyard_assign(&decision, task, agent);
+        next = (agent + 1) % agents;
       }
     if (goals->length == 0)
       fleetyard_add_cell(&decision.goals, agent, state->next->starts[agent]);
-    if (agent % 64 == 0 && fleetyard_cancelled(sink)) {
+    if (i % 64 == 0 && fleetyard_cancelled(sink)) {
       status = fleetyard_time_is_up(budget, sink);
       break;
     }
   }
-  if (status == FLEETYARD_STATUS_SOLVED)
+  if (status == FLEETYARD_STATUS_SOLVED) {
+    fleetyard_keep(sink, &next, sizeof next); /* not every host does */
     status = fleetyard_submit_request(&decision, sink);
+  }
   fleetyard_free_decision(&decision);
   free(given);
   return status;
@@ -91,6 +103,8 @@ static void end(void *context) {
 }
 
 /* ---- What the library exports ------------------------------------------------ */
+
+static const FleetyardStr features[] = {FLEETYARD_TEXT("part:" FLEETYARD_KEPT_ID)};
 
 static const FleetyardDescriptor first_task = {
     .struct_size = sizeof(FleetyardDescriptor),
@@ -104,6 +118,8 @@ static const FleetyardDescriptor first_task = {
                     FLEETYARD_CAPABILITY_PEBBLE | FLEETYARD_CAPABILITY_ROTATION |
                     FLEETYARD_CAPABILITY_WINDOWED | FLEETYARD_CAPABILITY_DUPLICATE_GOALS |
                     FLEETYARD_CAPABILITY_DETERMINISTIC,
+    .feature_count = 1,
+    .features = features,
 };
 
 static void *make(const FleetyardOptions *options, const FleetyardSink *sink) {

@@ -29,6 +29,7 @@ class Pibt(fleetyard.Planner):
     license = "MIT OR Apache-2.0"
     description = "Priority inheritance with backtracking (Okumura et al. 2022), with restarts."
     capabilities = ("grid", "pebble", "deterministic")
+    features = ("part:fleetyard.goal-tasks/1",)
     options_schema = {
         "type": "object",
         "additionalProperties": False,
@@ -61,12 +62,18 @@ class Pibt(fleetyard.Planner):
         while True:
             attempts += 1
             steps = Steps(self.grid, instance.starts, goals, distances, chance)
+            if instance.parts.goal_tasks is not None:
+                steps.waited = self.ages(instance.parts.goal_tasks)
             for _ in range(most_steps):
                 if steps.at == goals:
                     context.metric("attempts", attempts)
                     return steps.paths
                 context.check()
                 steps.step()
+
+    def ages(self, tasks):
+        """In a fleet, for how many steps agents have had their goals: the oldest goes first."""
+        return [(tasks.time_s - given_s) / self.grid.step_s for given_s in tasks.given_s]
 
 
 class Steps:

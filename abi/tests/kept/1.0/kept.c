@@ -520,6 +520,78 @@ static int32_t recover(void *context, const FleetyardInstance *instance,
 }
 
 /* Agents keep their goals, and who has none stays where it is. */
+/* The structure of a part, if there is one and it is no JSON. */
+static const void *structure(const FleetyardParts *parts, const char *id) {
+  for (uint64_t i = 0; i < parts->count; i++) {
+    const FleetyardPart *part = &parts->list[i];
+    if (part->id.len == strlen(id) && memcmp(part->id.ptr, id, part->id.len) == 0)
+      return part->flags & FLEETYARD_PART_JSON ? NULL : part->data;
+  }
+  return NULL;
+}
+
+static int32_t misfit(const FleetyardSink *sink) {
+  return fail(sink, FLEETYARD_STATUS_INVALID_INPUT, "the memory does not fit the state");
+}
+
+/* Looks at all that the host remembers, and keeps how often it was asked. */
+static int32_t remember(const FleetyardFleetState *state, const FleetyardSink *sink) {
+  const FleetyardInstance *next = state->next;
+  const FleetyardGrid *grid = next->environment->view;
+  const FleetyardTraffic *traffic = structure(&state->parts, FLEETYARD_TRAFFIC_ID);
+  const FleetyardRestOfPlan *rest = structure(&state->parts, FLEETYARD_REST_OF_PLAN_ID);
+  const FleetyardGoalTasks *goals = structure(&state->parts, FLEETYARD_GOAL_TASKS_ID);
+  const FleetyardBytes *kept = structure(&state->parts, FLEETYARD_KEPT_ID);
+  const char *keep_id = FLEETYARD_KEEP_ID;
+  double seen = 0;
+  if (traffic) {
+    WHOLE(traffic, sink);
+    WHOLE(traffic->last, sink);
+    WHOLE(traffic->before, sink);
+    if (traffic->places != grid->rows * grid->cols || traffic->flows != 4 * traffic->places ||
+        traffic->since_s >= traffic->period_s || traffic->last->number < traffic->before->number)
+      return misfit(sink);
+    for (uint32_t i = 0; i < traffic->places; i++)
+      seen += traffic->last->waiting[i] - traffic->before->waiting[i];
+    for (uint64_t i = 0; i < traffic->flows; i++)
+      seen += (traffic->last->flow[i] - traffic->before->flow[i]) * traffic->flow_unit_per_s;
+  }
+  if (rest) {
+    WHOLE(rest, sink);
+    if (rest->agents != next->agents || rest->offsets[0] != 0)
+      return misfit(sink);
+    for (uint64_t i = 0; i < rest->offsets[rest->agents]; i++)
+      if (!strchr(".NESW", rest->moves[i]))
+        return misfit(sink);
+  }
+  if (goals) {
+    WHOLE(goals, sink);
+    if (goals->goals != next->goal_offsets[next->agents])
+      return misfit(sink);
+    for (uint64_t i = 0; i < goals->goals; i++) {
+      seen += goals->time_s - goals->given_s[i];
+      if (goals->given_s[i] < goals->released_s[i] ||
+          (goals->tasks[i] == UINT64_MAX) != (goals->errands[i] == NONE))
+        return misfit(sink);
+    }
+  }
+  uint64_t asked = 0;
+  if (kept) {
+    WHOLE(kept, sink);
+    if (kept->len == sizeof asked)
+      memcpy(&asked, kept->ptr, sizeof asked);
+  }
+  asked++;
+  const FleetyardKeep *host =
+      sink->get_extension(sink->context, (FleetyardStr){keep_id, strlen(keep_id)});
+  const FleetyardBytes bytes = {sizeof bytes, 0, (const uint8_t *)&asked, sizeof asked};
+  if (!host || whole(host, sizeof *host, sink) != SOLVED ||
+      host->keep(sink->context, &bytes) != FLEETYARD_OK)
+    return fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "the host keeps nothing");
+  sink->metric(sink->context, (FleetyardStr)TEXT("seen"), seen);
+  return SOLVED;
+}
+
 static int32_t generate(void *context, const FleetyardFleetState *state,
                         const FleetyardBudget *budget, const FleetyardSink *sink) {
   const Planner *planner = context;
@@ -530,6 +602,7 @@ static int32_t generate(void *context, const FleetyardFleetState *state,
   TRY(parts(&state->parts, sink));
   const FleetyardInstance *next = state->next;
   TRY(check_instance(next, FLEETYARD_REPRESENTATION_GRID, true, sink));
+  TRY(remember(state, sink));
   Plan goals = begin(next->agents);
   for (uint32_t agent = 0; agent < next->agents; agent++) {
     for (uint64_t i = next->goal_offsets[agent]; i < next->goal_offsets[agent + 1]; i++)
@@ -597,8 +670,20 @@ static const FleetyardDescriptor planners[] = {
 
 static const FleetyardDescriptor fail_policy =
     ABOUT("kept-stay", "Stay", "Keeps everybody where they are.", 0, LIFELONG);
-static const FleetyardDescriptor generator =
-    ABOUT("kept-goals", "Same goals", "Keeps the goals that agents have.", 0, LIFELONG);
+static const FleetyardStr memory[] = {
+    TEXT("part:" FLEETYARD_TRAFFIC_ID), TEXT("part:" FLEETYARD_REST_OF_PLAN_ID),
+    TEXT("part:" FLEETYARD_GOAL_TASKS_ID), TEXT("part:" FLEETYARD_KEPT_ID)};
+static const FleetyardDescriptor generator = {
+    .struct_size = sizeof(FleetyardDescriptor),
+    .feature_count = COUNT(memory),
+    .id = TEXT("kept-goals"),
+    .name = TEXT("Same goals"),
+    .version = TEXT("1.0.0"),
+    .description = TEXT("Keeps the goals that agents have."),
+    .license = TEXT("MIT OR Apache-2.0"),
+    .capabilities = LIFELONG | FLEETYARD_CAPABILITY_DETERMINISTIC,
+    .features = memory,
+};
 static const FleetyardDescriptor invocation =
     ABOUT("kept-idle", "When idle", "Calls the planner when somebody is idle.", 0, 0);
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use fleetyard_abi::{
-    Capability, Environment, GoalTasks, Kept, Motion, Part, RestOfPlan, SharedEnvironment,
+    Capability, Environment, GoalTasks, Kept, Kind, Motion, Part, RestOfPlan, SharedEnvironment,
     Snapshot, Status, Traffic, View, c,
 };
 use fleetyard_runtime::{Fault, Session};
@@ -130,7 +130,10 @@ const OTHERS: u32 = 100;
 /// the plugin reads it.
 fn memory(trial: &Trial<'_>, question: &dyn Question, kept: &[u8]) -> Step<Vec<Part>> {
     let environment = question.environment()?;
-    let instance = question.instance();
+    let instance = match trial.kind() {
+        Kind::InstanceGenerator => question.state().next,
+        _ => question.instance(),
+    };
     let moves = match &environment.view {
         View::Grid(grid) => grid.passable.len() * grid.connectivity as usize,
         View::Roadmap(roadmap) => roadmap.edges.items().len(),

@@ -16,9 +16,7 @@ use rand_core::{Rng as _, SeedableRng};
 use crate::{NoOptions, four_connected, neighbours};
 
 /// Gives agents without a goal a random one.
-pub struct RandomGoals {
-    calls: u64,
-}
+pub struct RandomGoals;
 
 /// Per cell the number of its connected region; `u32::MAX` where it is blocked.
 pub struct Regions(Vec<u32>);
@@ -46,7 +44,7 @@ impl Plugin for RandomGoals {
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
         options.parse::<NoOptions>()?;
-        Ok(Self { calls: 0 })
+        Ok(Self)
     }
 }
 
@@ -95,10 +93,8 @@ impl InstanceGenerator for RandomGoals {
             let reason = "the fleet's state does not fit the map, or its goals the agents";
             return Err(Failure::new(Status::InvalidInput, reason));
         }
-        // Another stream for every call: the same run draws the same goals.
+        // The seed differs from call to call, and is the same in the same run.
         let mut random = ChaCha8Rng::seed_from_u64(budget.seed);
-        random.set_stream(self.calls);
-        self.calls += 1;
 
         let mut taken: BTreeSet<u32> = fleet
             .goals

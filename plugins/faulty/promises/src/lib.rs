@@ -86,6 +86,8 @@ enum Mistake {
     Leaks,
     SpinsThreads,
     RefusesParts,
+    RemembersCalls,
+    DiesOfBytes,
     ShortSeeds,
     // Other kinds.
     ReturnsFailedPlan,

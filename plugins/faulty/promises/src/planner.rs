@@ -21,6 +21,8 @@ pub(crate) struct Planner {
     prepared: bool,
     cancelled: bool,
     answers: BTreeMap<usize, GridPlan>,
+    /// Calls with memory.
+    reminded: usize,
 }
 
 #[derive(Default)]
@@ -112,6 +114,9 @@ impl Plugin for Planner {
         });
         Descriptor {
             capabilities: Capabilities::of(&claims.collect::<Vec<_>>()),
+            features: [c::GOAL_TASKS_ID, c::KEPT_ID]
+                .map(|part| format!("part:{part}"))
+                .to_vec(),
             ..Choice::descriptor(Kind::Planner, "promising")
         }
     }
@@ -127,6 +132,7 @@ impl Plugin for Planner {
             prepared: false,
             cancelled: false,
             answers: BTreeMap::new(),
+            reminded: 0,
         })
     }
 }
@@ -212,8 +218,15 @@ impl sdk::Planner for Planner {
                     let first = steps[0].clone();
                     steps.splice(0..0, (0..waits).map(|_| first.clone()));
                 }
+                if instance.goal_tasks().is_some() {
+                    self.reminded += 1;
+                    if mistake == Mistake::RemembersCalls && self.reminded > 1 {
+                        steps.insert(0, steps[0].clone());
+                    }
+                }
                 let plan = plan_of(&steps);
                 sink.submit(&plan)?;
+                sink.keep(b"answered")?;
                 if mistake == Mistake::WorseLater && instance.agents() >= 25 {
                     steps.insert(0, steps[0].clone());
                     sink.submit(&plan_of(&steps))?;
@@ -282,6 +295,9 @@ impl Planner {
             }
             Mistake::Leaks => {
                 Box::leak(vec![1_u8; 8 << 20].into_boxed_slice());
+            }
+            Mistake::DiesOfBytes if instance.kept().is_some_and(|kept| kept.bytes.len() == 7) => {
+                std::process::abort();
             }
             Mistake::SpinsThreads => spin(budget, sink),
             Mistake::NothingToDoFails if everybody_home => {
