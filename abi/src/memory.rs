@@ -280,29 +280,51 @@ fn find<'a, T>(parts: &'a [Part], is: impl Fn(&'a Data) -> Option<T>) -> Option<
 
 const DIGITS: &[u8; 16] = b"0123456789abcdef";
 
-fn push_byte(text: &mut String, byte: u8) {
-    text.push(char::from(DIGITS[usize::from(byte >> 4)]));
-    text.push(char::from(DIGITS[usize::from(byte & 15)]));
+/// No hexadecimal digit.
+const NONE: u8 = 16;
+
+/// The value of a hexadecimal digit; [`NONE`] of any other letter.
+const VALUES: [u8; 256] = {
+    let mut values = [NONE; 256];
+    let mut value = 0;
+    while value < 16 {
+        values[DIGITS[value] as usize] = value as u8;
+        values[DIGITS[value].to_ascii_uppercase() as usize] = value as u8;
+        value += 1;
+    }
+    values
+};
+
+fn push_byte(text: &mut Vec<u8>, byte: u8) {
+    text.extend_from_slice(&[
+        DIGITS[usize::from(byte >> 4)],
+        DIGITS[usize::from(byte & 15)],
+    ]);
 }
 
 fn byte_of([high, low]: [u8; 2]) -> Option<u8> {
-    let digit = |letter: u8| char::from(letter).to_digit(16);
-    Some((digit(high)? << 4 | digit(low)?) as u8)
+    let [high, low] = [VALUES[usize::from(high)], VALUES[usize::from(low)]];
+    (high < NONE && low < NONE).then_some(high << 4 | low)
+}
+
+fn write<S: Serializer>(text: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    let text = std::str::from_utf8(text).map_err(serde::ser::Error::custom)?;
+    serializer.serialize_str(text)
 }
 
 /// Bytes as two hexadecimal digits each.
 pub mod hex {
     use serde::de::Error;
 
-    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte};
+    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte, write};
 
     /// Writes bytes.
     pub fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
-        let mut text = String::with_capacity(2 * bytes.len());
+        let mut text = Vec::with_capacity(2 * bytes.len());
         for byte in bytes {
             push_byte(&mut text, *byte);
         }
-        serializer.serialize_str(&text)
+        write(&text, serializer)
     }
 
     /// Reads bytes.
@@ -320,28 +342,31 @@ pub mod hex {
 mod runs {
     use serde::de::Error;
 
-    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte};
+    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte, write};
 
     /// Stands for one zero; each further letter for twice as many as the one before.
     const FIRST: u8 = b'g';
     const LAST: u8 = b'm';
 
     pub(super) fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
-        let mut text = String::with_capacity(bytes.len() / 8);
+        let mut text = Vec::with_capacity(bytes.len() / 2);
         let mut rest = bytes;
         while let Some(byte) = rest.first() {
-            let mut zeros = rest.iter().take_while(|byte| **byte == 0).count();
-            rest = &rest[zeros.max(1)..];
-            if zeros == 0 {
+            if *byte != 0 {
                 push_byte(&mut text, *byte);
+                rest = &rest[1..];
+                continue;
             }
+            let run = rest.iter().position(|byte| *byte != 0);
+            let mut zeros = run.unwrap_or(rest.len());
+            rest = &rest[zeros..];
             while zeros > 0 {
                 let letter = zeros.ilog2().min(u32::from(LAST - FIRST));
-                text.push(char::from(FIRST + letter as u8));
+                text.push(FIRST + letter as u8);
                 zeros -= 1 << letter;
             }
         }
-        serializer.serialize_str(&text)
+        write(&text, serializer)
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(
@@ -351,7 +376,7 @@ mod runs {
         let wrong = || {
             D::Error::custom("bytes are two hexadecimal digits each, or letters g to m for zeros")
         };
-        let mut bytes = Vec::with_capacity(text.len());
+        let mut bytes = Vec::with_capacity(4 * text.len());
         let mut rest = text.as_bytes();
         while let [letter, behind @ ..] = rest {
             if (FIRST..=LAST).contains(letter) {
