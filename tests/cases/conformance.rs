@@ -396,7 +396,8 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "follows-nobody",
-        "following cycle random-instances repeated-calls other-map cancelled",
+        "following cycle random-instances repeated-calls other-map cancelled memory-replayed \
+         kept-bytes",
     ),
     (
         "promising",
@@ -418,7 +419,7 @@ const PROMISES: &[Promise] = &[
         "unseeded",
         "deterministic repeated-calls unknown-part memory-replayed",
     ),
-    ("promising", "old-answer", "repeated-calls"),
+    ("promising", "old-answer", "repeated-calls memory-replayed"),
     (
         "promising",
         "old-map",
