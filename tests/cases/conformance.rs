@@ -396,8 +396,7 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "follows-nobody",
-        "following cycle random-instances repeated-calls other-map cancelled memory-replayed \
-         kept-bytes",
+        "following cycle random-instances repeated-calls other-map cancelled",
     ),
     (
         "promising",

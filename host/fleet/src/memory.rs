@@ -489,9 +489,9 @@ mod tests {
             let mut trace = Trace::default();
             let mut called: Option<(u64, Vec<u32>)> = None;
             for block in 0..=blocks {
-                for agent in 0..at.len() {
+                for (agent, here) in at.iter_mut().enumerate() {
                     if block > 0 && chance.unit() < 0.1 {
-                        let (from, cell) = (at[agent] as usize, at[agent]);
+                        let cell = *here;
                         let (row, col) = grid.row_col(cell);
                         let (direction, to) = match chance.below(4) {
                             0 if row > 0 => (0, cell - 5),
@@ -502,9 +502,9 @@ mod tests {
                         };
                         traffic.done(agent, to);
                         if to != cell {
-                            trace.moves.push((block, from, direction));
+                            trace.moves.push((block, cell as usize, direction));
                         }
-                        at[agent] = to;
+                        *here = to;
                     }
                 }
                 traffic.block(block);
