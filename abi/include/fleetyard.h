@@ -186,7 +186,7 @@
 #define FLEETYARD_FORM_VISITS 2
 
 /*
- Form of a plan: `FleetyardTrajectories`, knots in the plane.
+ Form of a plan: `FleetyardTrajectories`, knots or controls in the plane.
  */
 #define FLEETYARD_FORM_TRAJECTORIES 3
 
@@ -985,6 +985,15 @@ typedef struct FleetyardInstance {
    */
   double goal_tolerance_rad;
   /*
+   In the plane: the same of each further number of its state, where controls say it.
+   */
+  double goal_tolerance_rate;
+  /*
+   In the plane: how far controls may lead beside the knots of the same plan, in metres and in
+   radians.
+   */
+  double dynamics_tolerance;
+  /*
    See `FLEETYARD_TRAFFIC_ID` and those after it.
    */
   struct FleetyardParts parts;
@@ -1071,8 +1080,13 @@ typedef struct FleetyardVisits {
 } FleetyardVisits;
 
 /*
- The body of a plan in the plane: knots between which position and heading are linear in time.
- The first is at time 0.
+ The body of a plan in the plane: knots, controls, or both.
+
+ Between knots position and heading are linear in time; the first is at time 0. Controls lead from
+ the state at the start, each held for its duration, one after the other; the host works out where.
+ An agent with both moves by its knots, to which its controls have to lead within
+ `FleetyardInstance::dynamics_tolerance`. One that has neither, in a plan with controls, stays at
+ its start.
  */
 typedef struct FleetyardTrajectories {
   /*
@@ -1084,7 +1098,7 @@ typedef struct FleetyardTrajectories {
    */
   uint32_t reserved;
   /*
-   Times, ascending for each agent.
+   Times, ascending for each agent; as x and y null when there are no knots.
    */
   const double *time_s;
   /*
@@ -1100,6 +1114,23 @@ typedef struct FleetyardTrajectories {
    one.
    */
   const double *heading_rad;
+  /*
+   `agents + 1` offsets into `duration_s`; null when there are no controls.
+   */
+  const uint64_t *segment_offsets;
+  /*
+   The time that each control is held, above 0.
+   */
+  const double *duration_s;
+  /*
+   `agents + 1` offsets into `controls`: an agent has as many numbers for each of its durations
+   as a control of its robot has. Null when there are no controls.
+   */
+  const uint64_t *control_offsets;
+  /*
+   The controls, number after number.
+   */
+  const double *controls;
 } FleetyardTrajectories;
 
 /*

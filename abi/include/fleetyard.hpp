@@ -648,6 +648,12 @@ struct Knot {
   double heading_rad = std::numeric_limits<double>::quiet_NaN();
 };
 
+/* A control of a robot, and the time that it is held. */
+struct Segment {
+  double duration_s;
+  std::vector<double> control;
+};
+
 /* An obstacle that moves in a known way. */
 class Mover {
 public:
@@ -935,6 +941,8 @@ public:
   /* In the plane: distance from its goal at which a robot may end, and of its heading. */
   double goal_tolerance_m() const noexcept { return raw_.goal_tolerance_m; }
   double goal_tolerance_rad() const noexcept { return raw_.goal_tolerance_rad; }
+  double goal_tolerance_rate() const noexcept { return raw_.goal_tolerance_rate; }
+  double dynamics_tolerance() const noexcept { return raw_.dynamics_tolerance; }
   /* True if three or more agents may move round in a ring in one step, each into the cell
    * that the next one leaves. Plans for a fleet must not. */
   bool allows_cycles() const noexcept { return (raw_.flags & FLEETYARD_INSTANCE_CYCLES) != 0; }
@@ -992,6 +1000,14 @@ public:
       const FleetyardTrajectories &body = body_of<FleetyardTrajectories>();
       for (const double *column : {body.time_s, body.x_m, body.y_m})
         detail::checked(column, total, "failed_plan.time_s, x_m, y_m");
+      if (body.segment_offsets) {
+        segments_ = detail::offsets(body.segment_offsets, raw_.agents, "failed_plan.segments");
+        controls_ = detail::offsets(body.control_offsets, raw_.agents, "failed_plan.controls");
+        detail::checked(body.duration_s, static_cast<std::size_t>(segments_.back()),
+                        "failed_plan.duration_s");
+        detail::checked(body.controls, static_cast<std::size_t>(controls_.back()),
+                        "failed_plan.controls");
+      }
     }
   }
 
@@ -999,7 +1015,7 @@ public:
   Form form() const noexcept { return static_cast<Form>(raw_.form); }
   /* Number of entries of an agent: cells, visits or knots. */
   std::size_t length(std::size_t agent) const noexcept {
-    return static_cast<std::size_t>(offsets_[agent + 1] - offsets_[agent]);
+    return length_of(offsets_, agent);
   }
   /* On a grid: the cells of an agent at times 0, 1, 2, …; it may have none. */
   Span<Cell> path(std::size_t agent) const {
@@ -1023,9 +1039,23 @@ public:
       knot.heading_rad = body.heading_rad[entry];
     return knot;
   }
+  /* In the plane: number of segments of an agent. */
+  std::size_t segments(std::size_t agent) const noexcept {
+    return segments_.size() == 0 ? 0 : length_of(segments_, agent);
+  }
+  /* In the plane: a control of an agent, and the time that it is held. */
+  Segment segment(std::size_t agent, std::size_t at) const {
+    const auto &body = *static_cast<const FleetyardTrajectories *>(raw_.body);
+    const std::size_t size = length_of(controls_, agent) / segments(agent);
+    const double *control = body.controls + controls_[agent] + at * size;
+    return {body.duration_s[segments_[agent] + at], {control, control + size}};
+  }
   Parts parts() const { return Parts(raw_.parts); }
 
 private:
+  static std::size_t length_of(const Span<std::uint64_t> &offsets, std::size_t agent) noexcept {
+    return static_cast<std::size_t>(offsets[agent + 1] - offsets[agent]);
+  }
   template <class T> const T &body_of() const {
     const T &body = detail::checked(static_cast<const T *>(raw_.body), "failed_plan.body");
     detail::zero(body.reserved, "failed_plan.body");
@@ -1033,7 +1063,7 @@ private:
   }
 
   FleetyardPlan raw_;
-  Span<std::uint64_t> offsets_;
+  Span<std::uint64_t> offsets_, segments_, controls_;
 };
 
 /* A task that nobody has been given. */
@@ -1132,6 +1162,35 @@ using RoadmapPlan = Paths<Visit>;
 /* In the plane: the knots of each agent, from time 0 on. */
 using ContinuousPlan = Paths<Knot>;
 
+/* In the plane: the knots of each agent, its controls, or both. An agent with neither stays at its
+ * start. */
+class MotionPlan {
+public:
+  MotionPlan() : segments_{0}, numbers_{0} {}
+
+  /* Adds the motion of the next agent. All its controls have as many numbers. */
+  void add(const std::vector<Segment> &segments, Span<Knot> knots = {}) {
+    for (const Segment &segment : segments)
+      if (segment.control.size() != segments[0].control.size())
+        throw std::invalid_argument("controls of one agent that differ in length");
+    for (const Segment &segment : segments) {
+      durations_.push_back(segment.duration_s);
+      controls_.insert(controls_.end(), segment.control.begin(), segment.control.end());
+    }
+    segments_.push_back(durations_.size());
+    numbers_.push_back(controls_.size());
+    knots_.add(knots);
+  }
+
+  const ContinuousPlan &knots() const noexcept { return knots_; }
+
+private:
+  friend class Sink;
+  ContinuousPlan knots_;
+  std::vector<std::uint64_t> segments_, numbers_;
+  std::vector<double> durations_, controls_;
+};
+
 /* A task that an instance generator gives to an agent. */
 struct Assignment {
   std::uint32_t agent;
@@ -1186,19 +1245,14 @@ public:
                                departures.data()};
     return submit(Form::visits, plan.offsets(), &body);
   }
-  Result submit_plan(const ContinuousPlan &plan) const {
-    std::vector<double> times, xs, ys, headings;
-    bool turned = false;
-    for (const Knot &knot : plan.entries()) {
-      times.push_back(knot.time_s);
-      xs.push_back(knot.x_m);
-      ys.push_back(knot.y_m);
-      headings.push_back(knot.heading_rad);
-      turned = turned || !std::isnan(knot.heading_rad);
-    }
-    const FleetyardTrajectories body{sizeof body, 0,         times.data(),
-                                     xs.data(),   ys.data(), turned ? headings.data() : nullptr};
-    return submit(Form::trajectories, plan.offsets(), &body);
+  Result submit_plan(const ContinuousPlan &plan) const { return submit(plan, {}); }
+  Result submit_plan(const MotionPlan &plan) const {
+    FleetyardTrajectories body{};
+    body.segment_offsets = plan.segments_.data();
+    body.duration_s = plan.durations_.data();
+    body.control_offsets = plan.numbers_.data();
+    body.controls = plan.controls_.data();
+    return submit(plan.knots_, body);
   }
 
   /* Hands over what a generator decided, in `generate`. */
@@ -1271,6 +1325,24 @@ public:
   void *context() const noexcept { return raw_->context; }
 
 private:
+  /* Knots, beside the controls that are in the body already. */
+  Result submit(const ContinuousPlan &plan, FleetyardTrajectories body) const {
+    std::vector<double> times, xs, ys, headings;
+    bool turned = false;
+    for (const Knot &knot : plan.entries()) {
+      times.push_back(knot.time_s);
+      xs.push_back(knot.x_m);
+      ys.push_back(knot.y_m);
+      headings.push_back(knot.heading_rad);
+      turned = turned || !std::isnan(knot.heading_rad);
+    }
+    body.struct_size = sizeof body;
+    body.time_s = times.data();
+    body.x_m = xs.data();
+    body.y_m = ys.data();
+    body.heading_rad = turned ? headings.data() : nullptr;
+    return submit(Form::trajectories, plan.offsets(), &body);
+  }
   Result submit(Form form, const std::vector<std::uint64_t> &offsets,
                 const void *body) const noexcept {
     FleetyardPlan plan{};

@@ -560,6 +560,10 @@ typedef struct FleetyardPath {
   uint64_t length, room;
   uint32_t *places;   /* cells or vertices; null in the plane */
   double *columns[4]; /* of visits: arrival, departure; of knots: time, x, y, heading */
+  uint64_t segments, segment_room;
+  double *duration_s; /* of each segment */
+  uint64_t numbers, number_room;
+  double *controls; /* of all segments, one after the other */
 } FleetyardPath;
 
 /* A plan that is being made: paths of agents, which may be written in any order of agents. */
@@ -622,6 +626,24 @@ static inline void fleetyard_add_knot(FleetyardPaths *paths, uint32_t agent, dou
   fleetyard_add(paths, agent, FLEETYARD_NONE, numbers);
 }
 
+/* In the plane: a control of `size` numbers that is held for a time, from the end of the agent's last
+ * one on. An agent needs no knots beside its controls; without either it stays at its start. */
+static inline void fleetyard_add_control(FleetyardPaths *paths, uint32_t agent, double duration_s,
+                                         const double *control, uint32_t size) {
+  FleetyardPath *path = &paths->of[agent];
+  uint64_t room = fleetyard_more_room(path->segment_room, path->segments + 1);
+  path->duration_s = (double *)fleetyard_grown(path->duration_s, path->segment_room, room,
+                                               sizeof *path->duration_s);
+  path->segment_room = room;
+  path->duration_s[path->segments++] = duration_s;
+  room = fleetyard_more_room(path->number_room, path->numbers + size);
+  path->controls =
+      (double *)fleetyard_grown(path->controls, path->number_room, room, sizeof *path->controls);
+  path->number_room = room;
+  for (uint32_t i = 0; i < size; i++)
+    path->controls[path->numbers++] = control[i];
+}
+
 /* The place of an agent's entry; after its last one it stays there. NONE without any. */
 static inline uint32_t fleetyard_path_at(const FleetyardPath *path, uint64_t time) {
   return path->length == 0 ? FLEETYARD_NONE
@@ -633,6 +655,8 @@ static inline void fleetyard_clear_path(FleetyardPath *path) {
   free(path->places);
   for (int i = 0; i < 4; i++)
     free(path->columns[i]);
+  free(path->duration_s);
+  free(path->controls);
   memset(path, 0, sizeof *path);
 }
 
@@ -652,7 +676,40 @@ typedef struct FleetyardFlat {
   uint64_t *offsets;
   uint32_t *places;
   double *columns[4];
+  uint64_t *segment_offsets; /* null without controls, as what follows */
+  double *duration_s;
+  uint64_t *control_offsets;
+  double *controls;
 } FleetyardFlat;
+
+/* The controls of a plan in the plane, unless every agent has nothing but knots. */
+static inline void fleetyard_flat_controls(const FleetyardPaths *paths, FleetyardFlat *flat) {
+  bool any = false;
+  for (uint32_t agent = 0; agent < paths->agents; agent++)
+    any = any || paths->of[agent].segments > 0 || paths->of[agent].length == 0;
+  if (paths->form != FLEETYARD_FORM_TRAJECTORIES || !any)
+    return;
+  size_t offsets = (size_t)paths->agents + 1;
+  flat->segment_offsets = (uint64_t *)fleetyard_array(offsets, sizeof *flat->segment_offsets);
+  flat->control_offsets = (uint64_t *)fleetyard_array(offsets, sizeof *flat->control_offsets);
+  for (uint32_t agent = 0; agent < paths->agents; agent++) {
+    flat->segment_offsets[agent + 1] = flat->segment_offsets[agent] + paths->of[agent].segments;
+    flat->control_offsets[agent + 1] = flat->control_offsets[agent] + paths->of[agent].numbers;
+  }
+  flat->duration_s = (double *)fleetyard_array((size_t)flat->segment_offsets[paths->agents],
+                                               sizeof *flat->duration_s);
+  flat->controls = (double *)fleetyard_array((size_t)flat->control_offsets[paths->agents],
+                                             sizeof *flat->controls);
+  for (uint32_t agent = 0; agent < paths->agents; agent++) {
+    const FleetyardPath *path = &paths->of[agent];
+    if (path->segments > 0)
+      memcpy(flat->duration_s + flat->segment_offsets[agent], path->duration_s,
+             (size_t)path->segments * sizeof *path->duration_s);
+    if (path->numbers > 0)
+      memcpy(flat->controls + flat->control_offsets[agent], path->controls,
+             (size_t)path->numbers * sizeof *path->controls);
+  }
+}
 
 static inline FleetyardFlat fleetyard_flat(const FleetyardPaths *paths) {
   FleetyardFlat flat;
@@ -674,6 +731,7 @@ static inline FleetyardFlat fleetyard_flat(const FleetyardPaths *paths) {
       memcpy(flat.columns[i] + begin, path->columns[i],
              (size_t)path->length * sizeof *path->columns[i]);
   }
+  fleetyard_flat_controls(paths, &flat);
   return flat;
 }
 
@@ -682,6 +740,10 @@ static inline void fleetyard_free_flat(FleetyardFlat *flat) {
   free(flat->places);
   for (int i = 0; i < 4; i++)
     free(flat->columns[i]);
+  free(flat->segment_offsets);
+  free(flat->duration_s);
+  free(flat->control_offsets);
+  free(flat->controls);
 }
 
 /* The status of a call that has submitted something. A host that is busy takes it later. */
@@ -704,9 +766,16 @@ static inline int32_t fleetyard_submit(const FleetyardPaths *paths, const Fleety
     headings = headings || !isnan(flat.columns[3][i]);
   FleetyardCells cells = {sizeof cells, 0, flat.places};
   FleetyardVisits visits = {sizeof visits, 0, flat.places, flat.columns[0], flat.columns[1]};
-  FleetyardTrajectories knots = {
-      sizeof knots,    0,               flat.columns[0],
-      flat.columns[1], flat.columns[2], headings ? flat.columns[3] : NULL};
+  FleetyardTrajectories motions = {sizeof motions,
+                                   0,
+                                   flat.columns[0],
+                                   flat.columns[1],
+                                   flat.columns[2],
+                                   headings ? flat.columns[3] : NULL,
+                                   flat.segment_offsets,
+                                   flat.duration_s,
+                                   flat.control_offsets,
+                                   flat.controls};
   FleetyardPlan plan;
   memset(&plan, 0, sizeof plan);
   plan.struct_size = sizeof plan;
@@ -715,7 +784,7 @@ static inline int32_t fleetyard_submit(const FleetyardPaths *paths, const Fleety
   plan.offsets = flat.offsets;
   plan.body = paths->form == FLEETYARD_FORM_CELLS    ? (const void *)&cells
               : paths->form == FLEETYARD_FORM_VISITS ? (const void *)&visits
-                                                     : (const void *)&knots;
+                                                     : (const void *)&motions;
   int32_t code = sink->submit_plan(sink->context, &plan);
   fleetyard_free_flat(&flat);
   return fleetyard_taken(code, sink);

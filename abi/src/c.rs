@@ -114,7 +114,7 @@ pub const OBJECTIVE_MAKESPAN: i32 = 2;
 pub const FORM_CELLS: i32 = 1;
 /// Form of a plan: `FleetyardVisits`, vertices with times.
 pub const FORM_VISITS: i32 = 2;
-/// Form of a plan: `FleetyardTrajectories`, knots in the plane.
+/// Form of a plan: `FleetyardTrajectories`, knots or controls in the plane.
 pub const FORM_TRAJECTORIES: i32 = 3;
 /// No cell, vertex or agent.
 pub const NONE: u32 = u32::MAX;
@@ -562,6 +562,11 @@ pub struct Instance {
     pub goal_tolerance_m: f64,
     /// In the plane: the same of its heading.
     pub goal_tolerance_rad: f64,
+    /// In the plane: the same of each further number of its state, where controls say it.
+    pub goal_tolerance_rate: f64,
+    /// In the plane: how far controls may lead beside the knots of the same plan, in metres and in
+    /// radians.
+    pub dynamics_tolerance: f64,
     /// See `FLEETYARD_TRAFFIC_ID` and those after it.
     pub parts: Parts,
 }
@@ -619,8 +624,13 @@ pub struct Visits {
     pub departure_s: *const f64,
 }
 
-/// The body of a plan in the plane: knots between which position and heading are linear in time.
-/// The first is at time 0.
+/// The body of a plan in the plane: knots, controls, or both.
+///
+/// Between knots position and heading are linear in time; the first is at time 0. Controls lead from
+/// the state at the start, each held for its duration, one after the other; the host works out where.
+/// An agent with both moves by its knots, to which its controls have to lead within
+/// `FleetyardInstance::dynamics_tolerance`. One that has neither, in a plan with controls, stays at
+/// its start.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "layout", derive(StableAbi))]
@@ -629,7 +639,7 @@ pub struct Trajectories {
     pub struct_size: u32,
     /// Zero.
     pub reserved: u32,
-    /// Times, ascending for each agent.
+    /// Times, ascending for each agent; as x and y null when there are no knots.
     pub time_s: *const f64,
     /// Positions.
     pub x_m: *const f64,
@@ -638,6 +648,15 @@ pub struct Trajectories {
     /// Headings, counter-clockwise and unwrapped; NaN where a robot has none, null when none has
     /// one.
     pub heading_rad: *const f64,
+    /// `agents + 1` offsets into `duration_s`; null when there are no controls.
+    pub segment_offsets: *const u64,
+    /// The time that each control is held, above 0.
+    pub duration_s: *const f64,
+    /// `agents + 1` offsets into `controls`: an agent has as many numbers for each of its durations
+    /// as a control of its robot has. Null when there are no controls.
+    pub control_offsets: *const u64,
+    /// The controls, number after number.
+    pub controls: *const f64,
 }
 
 /// A task that an instance generator gives to an agent.

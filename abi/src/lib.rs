@@ -46,4 +46,7 @@ pub use environment::*;
 pub use lists::{Goals, Lists};
 pub use memory::{GoalTasks, Kept, RestOfPlan, Snapshot, Traffic};
 pub use model::*;
-pub use plan::{GridPlan, Knot, KnotPlan, Plan, PlanRef, Visit, VisitPlan};
+pub use plan::{
+    ControlPlan, GridPlan, Knot, KnotPlan, MotionPlan, MotionRef, Plan, PlanRef, Segment, Visit,
+    VisitPlan,
+};

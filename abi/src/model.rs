@@ -642,6 +642,13 @@ pub struct Instance {
     /// In the plane: the same of its heading.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub goal_tolerance_rad: f64,
+    /// In the plane: the same of each further number of its state, where controls say it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub goal_tolerance_rate: f64,
+    /// In the plane: how far controls may lead beside the knots of the same plan, in metres and in
+    /// radians.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub dynamics_tolerance: f64,
     /// Further data by name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<Part>,
@@ -689,6 +696,8 @@ impl Default for Instance {
             strict: false,
             goal_tolerance_m: 0.0,
             goal_tolerance_rad: 0.0,
+            goal_tolerance_rate: 0.0,
+            dynamics_tolerance: 0.0,
             parts: Vec::new(),
         }
     }

@@ -12,6 +12,7 @@
 //! what it writes. Positions outside the map become [`OFF_MAP`], which is a
 //! fault of the plan and not of its encoding.
 
+mod motions;
 mod reader;
 
 use serde::de::{self, DeserializeOwned, DeserializeSeed, SeqAccess, Visitor};
@@ -57,7 +58,7 @@ pub enum PlanContext<'a> {
     Paths(PathContext<'a>),
     /// On a roadmap; the most visits that a plan may have.
     Visits(usize),
-    /// In the plane; the most knots that a plan may have.
+    /// In the plane; the most knots and segments that a plan may have.
     Trajectories(usize),
 }
 
@@ -129,7 +130,7 @@ impl<'a> PlanContext<'a> {
                 .map(Plan::Cells)
                 .map_err(|error| error.to_string()),
             Self::Visits(most) => lists(text, most).map(Plan::Visits),
-            Self::Trajectories(most) => lists(text, most).map(Plan::Trajectories),
+            Self::Trajectories(most) => motions::read(text, most).map(Plan::Trajectories),
         }
     }
 }
@@ -168,7 +169,9 @@ impl Serialize for WritePlan<'_> {
             // The reader finds that cells are no plan here.
             (PlanRef::Cells(plan), _) => object.serialize_entry("paths", plan.lists())?,
             (PlanRef::Visits(plan), _) => object.serialize_entry("visits", plan)?,
-            (PlanRef::Trajectories(plan), _) => object.serialize_entry("trajectories", plan)?,
+            (PlanRef::Trajectories(plan), _) => {
+                object.serialize_entry("trajectories", &motions::Write(plan))?;
+            }
         }
         object.end()
     }

@@ -1,4 +1,4 @@
-//! Plans: cells per step on a grid, visits on a roadmap, knots in the plane.
+//! Plans: cells per step on a grid, visits on a roadmap, knots and controls in the plane.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ pub enum Plan {
     /// On a roadmap.
     Visits(VisitPlan),
     /// In the plane.
-    Trajectories(KnotPlan),
+    Trajectories(MotionPlan),
 }
 
 impl Plan {
@@ -23,7 +23,7 @@ impl Plan {
         match self {
             Self::Cells(plan) => PlanRef::Cells(plan),
             Self::Visits(plan) => PlanRef::Visits(plan),
-            Self::Trajectories(plan) => PlanRef::Trajectories(plan),
+            Self::Trajectories(plan) => PlanRef::Trajectories(plan.into()),
         }
     }
 
@@ -63,6 +63,12 @@ impl From<VisitPlan> for Plan {
 
 impl From<KnotPlan> for Plan {
     fn from(plan: KnotPlan) -> Self {
+        Self::Trajectories(plan.into())
+    }
+}
+
+impl From<MotionPlan> for Plan {
+    fn from(plan: MotionPlan) -> Self {
         Self::Trajectories(plan)
     }
 }
@@ -75,7 +81,7 @@ pub enum PlanRef<'a> {
     /// On a roadmap.
     Visits(&'a VisitPlan),
     /// In the plane.
-    Trajectories(&'a KnotPlan),
+    Trajectories(MotionRef<'a>),
 }
 
 impl PlanRef<'_> {
@@ -84,7 +90,7 @@ impl PlanRef<'_> {
         match self {
             Self::Cells(plan) => plan.agents(),
             Self::Visits(plan) => plan.len(),
-            Self::Trajectories(plan) => plan.len(),
+            Self::Trajectories(plan) => plan.knots.len(),
         }
     }
 
@@ -105,15 +111,26 @@ impl PlanRef<'_> {
             Self::Trajectories(_) => size_of::<Knot>(),
         };
         let offsets = self.agents().saturating_add(1) * size_of::<u64>();
-        self.entries().saturating_mul(entry).saturating_add(offsets)
+        let (entries, controls) = match self {
+            Self::Trajectories(MotionRef { knots, controls }) => {
+                (knots.items().len(), controls.map_or(0, ControlPlan::bytes))
+            }
+            Self::Cells(_) | Self::Visits(_) => (self.entries(), 0),
+        };
+        entries
+            .saturating_mul(entry)
+            .saturating_add(offsets)
+            .saturating_add(controls)
     }
 
-    /// Number of cells, visits or knots.
+    /// Number of cells, of visits, or of knots and segments.
     pub fn entries(self) -> usize {
         match self {
             Self::Cells(plan) => plan.cells().len(),
             Self::Visits(plan) => plan.items().len(),
-            Self::Trajectories(plan) => plan.items().len(),
+            Self::Trajectories(MotionRef { knots, controls }) => {
+                knots.items().len() + controls.map_or(0, ControlPlan::segments)
+            }
         }
     }
 
@@ -122,7 +139,7 @@ impl PlanRef<'_> {
         match self {
             Self::Cells(plan) => Plan::Cells(plan.clone()),
             Self::Visits(plan) => Plan::Visits(plan.clone()),
-            Self::Trajectories(plan) => Plan::Trajectories(plan.clone()),
+            Self::Trajectories(plan) => Plan::Trajectories(plan.to_plan()),
         }
     }
 }
@@ -146,8 +163,17 @@ impl<'a> From<&'a VisitPlan> for PlanRef<'a> {
 }
 
 impl<'a> From<&'a KnotPlan> for PlanRef<'a> {
-    fn from(plan: &'a KnotPlan) -> Self {
-        Self::Trajectories(plan)
+    fn from(knots: &'a KnotPlan) -> Self {
+        Self::Trajectories(MotionRef {
+            knots,
+            controls: None,
+        })
+    }
+}
+
+impl<'a> From<&'a MotionPlan> for PlanRef<'a> {
+    fn from(plan: &'a MotionPlan) -> Self {
+        Self::Trajectories(plan.into())
     }
 }
 
@@ -231,10 +257,261 @@ pub struct Knot {
     pub heading_rad: f64,
 }
 
-/// A plan in the plane: per agent its knots, in order. It rests at the last.
+/// Knots in the plane: per agent its own, in order. It rests at the last.
 ///
 /// Nothing else is promised: the host's validator says whether a plan is valid.
 pub type KnotPlan = Lists<Knot>;
+
+/// A plan in the plane: knots, controls, or both.
+///
+/// An agent with controls alone moves as they lead it from its start; one with both by its knots,
+/// to which its controls have to lead. In a plan with controls, one that has neither stays at its
+/// start. On the wire an entry per agent: a list of knots, or an object with `knots` and `controls`.
+///
+/// Nothing else is promised: the host's validator says whether a plan is valid.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MotionPlan {
+    knots: KnotPlan,
+    controls: Option<ControlPlan>,
+}
+
+impl From<KnotPlan> for MotionPlan {
+    fn from(knots: KnotPlan) -> Self {
+        Self {
+            knots,
+            controls: None,
+        }
+    }
+}
+
+impl From<ControlPlan> for MotionPlan {
+    fn from(controls: ControlPlan) -> Self {
+        Self {
+            knots: (0..controls.agents()).map(|_| []).collect(),
+            controls: Some(controls),
+        }
+    }
+}
+
+impl MotionPlan {
+    /// Knots and controls of the same agents; `None` if there are more of one than of the other.
+    /// Controls of nobody are none, unless they say that somebody stays where it is.
+    pub fn new(knots: KnotPlan, controls: ControlPlan) -> Option<Self> {
+        let is_said = controls.segments() > 0 || knots.iter().any(<[_]>::is_empty);
+        (knots.len() == controls.agents()).then_some(Self {
+            knots,
+            controls: is_said.then_some(controls),
+        })
+    }
+
+    /// The knots of each agent, which may have none where it has controls.
+    pub fn knots(&self) -> &KnotPlan {
+        &self.knots
+    }
+
+    /// The controls of each agent, if there are any.
+    pub fn controls(&self) -> Option<&ControlPlan> {
+        self.controls.as_ref()
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.knots.len()
+    }
+}
+
+/// A plan in the plane that is lent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionRef<'a> {
+    /// As [`MotionPlan::knots`].
+    pub knots: &'a KnotPlan,
+    /// As [`MotionPlan::controls`].
+    pub controls: Option<&'a ControlPlan>,
+}
+
+impl MotionRef<'_> {
+    /// A copy.
+    pub fn to_plan(self) -> MotionPlan {
+        MotionPlan {
+            knots: self.knots.clone(),
+            controls: self.controls.cloned(),
+        }
+    }
+}
+
+impl<'a> From<&'a MotionPlan> for MotionRef<'a> {
+    fn from(plan: &'a MotionPlan) -> Self {
+        Self {
+            knots: &plan.knots,
+            controls: plan.controls.as_ref(),
+        }
+    }
+}
+
+/// A control that is held for a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment<'a> {
+    /// The time, in seconds.
+    pub duration_s: f64,
+    /// The numbers of the control, as the robot's dynamics say.
+    pub control: &'a [f64],
+}
+
+/// Controls of agents: per agent its segments, one after the other from time 0 on. After the last
+/// it rests.
+///
+/// ```
+/// use fleetyard_abi::ControlPlan;
+///
+/// let mut plan = ControlPlan::default();
+/// // Speeds up, rolls, and slows down; the other one stays.
+/// plan.push_agent([(0.25, [2.0, 0.0]), (1.5, [0.0, 0.0]), (0.25, [-2.0, 0.0])]).unwrap();
+/// plan.push_agent::<[f64; 2]>([]).unwrap();
+/// assert_eq!((plan.agents(), plan.segments()), (2, 3));
+/// assert_eq!(plan.of(0).nth(2).unwrap().control, [-2.0, 0.0]);
+/// // All controls of an agent have as many numbers.
+/// assert!(plan.push_agent([(1.0, vec![0.5]), (1.0, vec![])]).is_err());
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ControlPlan {
+    durations_s: Lists<f64>,
+    /// As many for each duration of an agent.
+    numbers: Lists<f64>,
+}
+
+impl ControlPlan {
+    /// The most numbers that a control may have.
+    pub const MOST_NUMBERS: usize = 64;
+
+    /// From durations, and the numbers of all controls of each agent one after the other. Says of
+    /// which agent durations and numbers do not fit together.
+    pub fn new(durations_s: Lists<f64>, numbers: Lists<f64>) -> Result<Self, String> {
+        let (agents, others) = (durations_s.len(), numbers.len());
+        if agents != others {
+            return Err(format!(
+                "durations of {agents} agents, but controls of {others}"
+            ));
+        }
+        for (agent, (durations, own)) in durations_s.iter().zip(numbers.iter()).enumerate() {
+            let (segments, own) = (durations.len(), own.len());
+            let even = own.checked_rem(segments).map_or(own == 0, |rest| rest == 0);
+            if !even {
+                return Err(format!(
+                    "agent {agent} has {own} numbers of controls for {segments} segments"
+                ));
+            }
+            if own
+                .checked_div(segments)
+                .is_some_and(|size| size > Self::MOST_NUMBERS)
+            {
+                let most = Self::MOST_NUMBERS;
+                return Err(format!(
+                    "controls of agent {agent} have more than {most} numbers"
+                ));
+            }
+        }
+        Ok(Self {
+            durations_s,
+            numbers,
+        })
+    }
+
+    /// Appends the segments of the next agent, each a duration in seconds and a control. Refuses
+    /// controls of different lengths; the plan is then as it was.
+    pub fn push_agent<C: AsRef<[f64]>>(
+        &mut self,
+        segments: impl IntoIterator<Item = (f64, C)>,
+    ) -> Result<(), String> {
+        for (duration_s, control) in segments {
+            if let Err(reason) = self.push(duration_s, control.as_ref()) {
+                self.durations_s.drop_open_list();
+                self.numbers.drop_open_list();
+                return Err(reason);
+            }
+        }
+        self.end_agent();
+        Ok(())
+    }
+
+    /// Appends a segment to those of the agent that is being written.
+    pub(crate) fn push(&mut self, duration_s: f64, control: &[f64]) -> Result<(), String> {
+        let agent = self.agents();
+        let segment = self.durations_s.open_list().len();
+        let own = self.numbers.open_list().len();
+        let before = own.checked_div(segment).unwrap_or(control.len());
+        let numbers = control.len();
+        if numbers != before || numbers > Self::MOST_NUMBERS {
+            return Err(format!(
+                "segment {segment} of agent {agent} has a control of {numbers} numbers{}",
+                if numbers == before {
+                    format!(", more than {}", Self::MOST_NUMBERS)
+                } else {
+                    format!(", unlike the {before} before it")
+                }
+            ));
+        }
+        self.durations_s.push_item(duration_s);
+        for number in control {
+            self.numbers.push_item(*number);
+        }
+        Ok(())
+    }
+
+    /// Ends the agent that is being written.
+    pub(crate) fn end_agent(&mut self) {
+        self.durations_s.end_list();
+        self.numbers.end_list();
+    }
+
+    /// Number of agents.
+    pub fn agents(&self) -> usize {
+        self.durations_s.len()
+    }
+
+    /// Number of segments of all agents.
+    pub fn segments(&self) -> usize {
+        self.durations_s.items().len()
+    }
+
+    /// The segments of an agent, which must exist.
+    pub fn of(&self, agent: usize) -> impl ExactSizeIterator<Item = Segment<'_>> + Clone {
+        let durations = &self.durations_s[agent];
+        let numbers = &self.numbers[agent];
+        let size = self.control_size(agent);
+        durations
+            .iter()
+            .enumerate()
+            .map(move |(at, duration_s)| Segment {
+                duration_s: *duration_s,
+                control: &numbers[at * size..(at + 1) * size],
+            })
+    }
+
+    /// How many numbers each control of an agent has; 0 if it has none.
+    pub fn control_size(&self, agent: usize) -> usize {
+        let numbers = self.numbers[agent].len();
+        numbers
+            .checked_div(self.durations_s[agent].len())
+            .unwrap_or(0)
+    }
+
+    /// Durations of each agent's segments, in seconds.
+    pub fn durations_s(&self) -> &Lists<f64> {
+        &self.durations_s
+    }
+
+    /// The numbers of each agent's controls, one after the other.
+    pub fn numbers(&self) -> &Lists<f64> {
+        &self.numbers
+    }
+
+    /// Bytes of memory that it takes.
+    fn bytes(&self) -> usize {
+        let lists = [&self.durations_s, &self.numbers];
+        let words = lists.map(|list| list.offsets().len() + list.items().len());
+        words.iter().sum::<usize>().saturating_mul(size_of::<f64>())
+    }
+}
 
 /// A plan on a grid: a path per agent, from time 0 to its last arrival. After its last cell
 /// an agent stays there.

@@ -264,9 +264,9 @@ pub struct PlanText<'a> {
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Vec<Vec<Visit>>>")]
     pub visits: Option<&'a RawValue>,
-    /// In the plane: per agent its knots, in order.
+    /// In the plane: per agent its knots, or knots and controls.
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Vec<Vec<Knot>>>")]
+    #[schemars(with = "Option<Vec<WireMotion>>")]
     pub trajectories: Option<&'a RawValue>,
 }
 
@@ -313,7 +313,7 @@ pub struct PlanResult<'a> {
     pub visits: Option<&'a RawValue>,
     /// As in `incumbent`.
     #[serde(borrow, default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Vec<Vec<Knot>>>")]
+    #[schemars(with = "Option<Vec<WireMotion>>")]
     pub trajectories: Option<&'a RawValue>,
     /// Time for which the plugin worked on the call, without reading and writing messages:
     /// nanoseconds of a monotonic clock, no more than the call took. A claim: nobody is ranked by
@@ -343,6 +343,26 @@ pub enum WirePath {
     Cells(Vec<i64>),
     /// Letters of moves from the agent's start.
     Moves(String),
+}
+
+/// A motion in the plane; for the schemas only.
+#[derive(Debug, JsonSchema)]
+#[serde(untagged)]
+pub enum WireMotion {
+    /// Knots alone.
+    Knots(Vec<Knot>),
+    /// Knots, controls, or both.
+    Controlled(WireControlled),
+}
+
+/// A motion with controls; for the schemas only.
+#[derive(Debug, JsonSchema)]
+pub struct WireControlled {
+    /// Knots, in order. May be left out: then the robot is where its controls lead from its start.
+    pub knots: Option<Vec<Knot>>,
+    /// `[duration_s, number, …]`: a control of the robot and the time that it is held, one after the
+    /// other from time 0 on.
+    pub controls: Option<Vec<Vec<f64>>>,
 }
 
 /// Parameters of `generate`.

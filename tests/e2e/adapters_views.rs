@@ -238,8 +238,8 @@ fn psipp_is_told_and_read_in_its_own_unit() {
     assert!(ended.stderr.contains(told), "{ended}");
 }
 
-/// Stands in for db-CBS: one robot drives straight to its goal at its largest speed. It is killed at
-/// its end as the program is.
+/// Stands in for db-CBS: one robot drives straight to its goal at its largest speed, which its actions
+/// say. It is killed at its end as the program is.
 const DB_CBS: &str = r#"#!/usr/bin/env python3
 import os, re, sys
 given = dict(zip(sys.argv[1::2], sys.argv[2::2]))
@@ -261,7 +261,9 @@ for number in range(count + 1):
 print("time_ddp_total: 1.25e+01")
 if os.path.basename(sys.argv[0]) != "dies":
     print("optimization done!", flush=True)
-    open(given["--optimization"], "w").write(out + "    actions: []\n")
+    turn = 0.02 if os.path.basename(sys.argv[0]) == "swerves" else 0
+    actions = f"      - [{step / 0.1}, {turn}]\n" * count
+    open(given["--optimization"], "w").write(out + "    actions:\n" + actions)
 os.abort()
 "#;
 
@@ -301,9 +303,18 @@ fn db_cbs_is_asked_about_robots_that_it_knows() {
     // Killed before there is a plan.
     let ended = ask("dies", CART, "[7, 1, 0]", None).expect(PLUGIN);
     assert!(ended.stderr.contains("SIGABRT"), "{ended}");
-    // Faster than the robot is: the judge says so.
-    let record = ask("hurries", CART, "[7, 1, 0]", None).expect(INVALID_PLAN);
-    assert_eq!(record.json()["claim"], "solved");
+    // Faster than the robot is, or with actions that lead elsewhere: the judge says so.
+    for (style, rule) in [("hurries", "too-fast"), ("swerves", "off-controls")] {
+        let record = ask(style, CART, "[7, 1, 0]", None)
+            .expect(INVALID_PLAN)
+            .json();
+        assert_eq!(record["claim"], "solved");
+        let violations = record["judged"]["world"]["violations"].as_array().unwrap();
+        assert!(
+            violations.iter().any(|found| found["rule"] == rule),
+            "{record}"
+        );
+    }
     let turned = ("\"size\": [1, 2]", "\"size\": [1, 2], \"angle_rad\": 0.3");
     let faster = r#"{"footprint": {"rectangle": {"length_m": 0.5, "width_m": 0.25}},
                      "model": {"unicycle-1": {"max_speed_m_per_s": 0.6}}}"#;
@@ -352,7 +363,7 @@ fn real_db_cbs_in_the_plane() {
     let yard = hall();
     let task = format!(
         r#"{{"format": "fleetyard.task/1", "world": "hall.world.json", "robots": {{"cart": {CART}}},
-            "goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02,
+            "goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02, "dynamics_tolerance": 0.03,
             "agents": [{{"start": [1, 0.3, 0], "goal": [4, 0.3, 0]}},
                        {{"start": [4, 0.3, 3.14], "goal": [1, 0.3, 3.14]}}]}}"#
     );

@@ -42,7 +42,7 @@ from ._model import (
     Task,
 )
 from ._paths import Paths
-from ._plans import Knot, Plan, Trajectories, Visit, Visits
+from ._plans import Knot, Motion, Plan, Segment, Trajectories, Visit, Visits
 from ._plugins import (
     Context,
     FailPolicy,
@@ -80,6 +80,7 @@ __all__ = [
     "InvalidInput",
     "InvocationPolicy",
     "Knot",
+    "Motion",
     "Mover",
     "Observation",
     "Parts",
@@ -91,6 +92,7 @@ __all__ = [
     "RestOfPlan",
     "Roadmap",
     "Robot",
+    "Segment",
     "Snapshot",
     "State",
     "StepPolicy",

@@ -173,6 +173,11 @@ class Instance:
     """In the plane: distance from its goal at which a robot may end."""
     goal_tolerance_rad: float = 0.0
     """In the plane: the same of its heading."""
+    goal_tolerance_rate: float = 0.0
+    """In the plane: the same of each further number of its state, where controls say it."""
+    dynamics_tolerance: float = 0.0
+    """In the plane: how far controls may lead beside the knots of the same plan, in metres and in
+    radians."""
     parts: Parts = field(default_factory=Parts)
     """Further data by name."""
 
@@ -238,6 +243,8 @@ class Instance:
             robot_of=places(wire.get("robot_of") or ()),
             goal_tolerance_m=number(wire.get("goal_tolerance_m") or 0),
             goal_tolerance_rad=number(wire.get("goal_tolerance_rad") or 0),
+            goal_tolerance_rate=number(wire.get("goal_tolerance_rate") or 0),
+            dynamics_tolerance=number(wire.get("dynamics_tolerance") or 0),
             parts=Parts._from_wire(wire),
         )
         instance._check(environment.places)

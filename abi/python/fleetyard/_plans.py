@@ -1,21 +1,25 @@
 """Plans in each of their forms, on the wire and as an author has them.
 
 A plan on a grid is a list of paths (:mod:`._paths`), on a roadmap a list of visits per agent,
-in the plane a list of knots per agent.
+in the plane a list of knots per agent, or a :class:`Motion` with controls.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import (
     Any,
+    Dict,
     Iterable,
     List,
     Mapping,
     NamedTuple,
+    Optional,
     Sequence,
     Set,
     SupportsIndex,
+    Tuple,
     Union,
 )
 
@@ -54,8 +58,27 @@ class Knot(NamedTuple):
 Visits = Iterable[Iterable[Union[Visit, Sequence[Seconds]]]]
 """A plan on a roadmap: per agent its visits, in order. It stays at the last."""
 
-Trajectories = Iterable[Iterable[Union[Knot, Sequence[Seconds]]]]
-"""A plan in the plane: per agent its knots, in order. It rests at the last."""
+class Segment(NamedTuple):
+    """A control that is held for a time."""
+
+    duration_s: float
+    control: Sequence[float]
+    """As the robot's dynamics say, all of one agent of the same length."""
+
+
+@dataclass
+class Motion:
+    """The motion of an agent in the plane by controls, from the state at its start on. With
+    ``knots`` it moves by these, and its controls have to lead there."""
+
+    controls: Optional[Iterable[Union[Segment, Tuple[Seconds, Sequence[Seconds]]]]] = None
+    """One after the other; without any it stays at its start."""
+    knots: Iterable[Union[Knot, Sequence[Seconds]]] = field(default_factory=list)
+
+
+Trajectories = Iterable[Union[Motion, Iterable[Union[Knot, Sequence[Seconds]]]]]
+"""A plan in the plane: per agent its knots, in order, or a :class:`Motion`. It rests at the
+last."""
 
 Plan = Union[Paths, Visits, Trajectories]
 """A plan of any form."""
@@ -75,12 +98,10 @@ class Form:
         if isinstance(self._environment, Grid):
             rows, cols = self._environment.rows, self._environment.cols
             return _paths.encode(plan, self._instance.starts, rows, cols)
-        write = _visit if self.field == "visits" else _knot
         lists = _per_agent(plan, self._instance.agents, self.field)
-        return [
-            [_entry(write, agent, at, item) for at, item in enumerate(own)]
-            for agent, own in enumerate(lists)
-        ]
+        if self.field == "visits":
+            return [_entries(_visit, agent, own) for agent, own in enumerate(lists)]
+        return [_motion(agent, own) for agent, own in enumerate(lists)]
 
     def decode(self, wire: Mapping[str, Any]) -> Any:
         """The plan of a message, if it has one."""
@@ -97,7 +118,7 @@ class Form:
             return _paths.decode(plan, self._instance.starts, rows, cols)
         if self.field == "visits":
             return [[_read_visit(*visit) for visit in own] for own in plan]
-        return [[Knot(*map(number, knot)) for knot in own] for own in plan]
+        return [_read_motion(own) for own in plan]
 
 
 def _per_agent(plan: Any, agents: int, field: str) -> List[List[Any]]:
@@ -110,7 +131,40 @@ def _per_agent(plan: Any, agents: int, field: str) -> List[List[Any]]:
     lists = as_list(plan, "the plan")
     if len(lists) != agents:
         raise ValueError(f"the plan has {len(lists)} {field}, but the instance has {agents} agents")
-    return [as_list(own, f"{field} of agent {agent}") for agent, own in enumerate(lists)]
+    return [
+        own if isinstance(own, Motion) else as_list(own, f"{field} of agent {agent}")
+        for agent, own in enumerate(lists)
+    ]
+
+
+def _entries(write: Any, agent: int, own: Iterable[Any]) -> List[List[Any]]:
+    return [_entry(write, agent, at, item) for at, item in enumerate(own)]
+
+
+def _motion(agent: int, own: Any) -> Any:
+    if not isinstance(own, Motion):
+        return _entries(_knot, agent, own)
+    wire: Dict[str, Any] = {}
+    knots = _entries(_knot, agent, own.knots)
+    if knots:
+        wire["knots"] = knots
+    if own.controls is not None or not knots:
+        wire["controls"] = _entries(_segment, agent, own.controls or ())
+        sizes = {len(segment) for segment in wire["controls"]}
+        if len(sizes) > 1:
+            raise ValueError(f"the controls of agent {agent} differ in length")
+    return wire
+
+
+def _read_motion(own: Any) -> Any:
+    if not isinstance(own, Mapping):
+        return [Knot(*map(number, knot)) for knot in own]
+    controls = own.get("controls")
+    return Motion(
+        controls=controls
+        and [Segment(number(each[0]), [number(value) for value in each[1:]]) for each in controls],
+        knots=[Knot(*map(number, knot)) for knot in own.get("knots") or ()],
+    )
 
 
 def _entry(write: Any, agent: int, at: int, item: Any) -> List[Any]:
@@ -120,9 +174,11 @@ def _entry(write: Any, agent: int, at: int, item: Any) -> List[Any]:
             raise ValueError
         return entry
     except (TypeError, ValueError):
-        wanted = "(vertex, arrival_s, departure_s)"
-        if write is _knot:
-            wanted = "(time_s, x_m, y_m) with or without heading_rad"
+        wanted = {
+            _visit: "(vertex, arrival_s, departure_s)",
+            _knot: "(time_s, x_m, y_m) with or without heading_rad",
+            _segment: "(duration_s, control)",
+        }[write]
         raise TypeError(
             f"the plan of agent {agent} has {item!r:.60} at place {at}, which is no {wanted}"
         ) from None
@@ -138,6 +194,11 @@ def _knot(time_s: Any, x_m: Any, y_m: Any, heading_rad: Any = math.nan) -> List[
     knot = [number(time_s), number(x_m), number(y_m)]
     heading_rad = math.nan if heading_rad is None else number(heading_rad)
     return knot if math.isnan(heading_rad) else [*knot, heading_rad]
+
+
+def _segment(duration_s: Any, control: Any) -> List[Any]:
+    control = getattr(control, "tolist", lambda: control)()
+    return [number(duration_s), *map(number, control)]
 
 
 def _read_visit(vertex: Any, arrival_s: Any, departure_s: Any) -> Visit:

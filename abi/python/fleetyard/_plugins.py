@@ -212,8 +212,8 @@ class Planner(_Prepared):
         On a grid a plan is a path per agent, which lists where it is at time 0, 1, 2, ...:
         cells, or ``(row, col)``, or an array of either, or a string of moves. On a roadmap it
         is a list of :class:`~fleetyard.Visit` per agent, in the plane a list of
-        :class:`~fleetyard.Knot` per agent; plain tuples will do. After its last entry an agent
-        stays where it is.
+        :class:`~fleetyard.Knot` or a :class:`~fleetyard.Motion` with controls per agent; plain
+        tuples will do. After its last entry an agent stays where it is.
         """
 
 

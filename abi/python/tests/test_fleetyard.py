@@ -916,6 +916,24 @@ class Planes(unittest.TestCase):
         (answer,) = self.planned(lambda *_: [[(0, 1)]])
         self.assertIn("is no (time_s, x_m, y_m) with or", answer["result"]["message"])
 
+    def test_controls(self):
+        controls = [(0.5, (1, 0.25)), fleetyard.Segment(2, [0, 0])]
+        for motion, wire in [
+            (fleetyard.Motion(controls), {"controls": [[0.5, 1, 0.25], [2, 0, 0]]}),
+            (fleetyard.Motion(), {"controls": []}),
+            (fleetyard.Motion([(1, ())], [(0, 1, 1)]), {"knots": [[0, 1, 1]], "controls": [[1]]}),
+            (fleetyard.Motion(knots=[(0, 1, 1)]), {"knots": [[0, 1, 1]]}),
+        ]:
+            (answer,) = self.planned(lambda *_: [motion])
+            self.assertEqual(answer["result"], {"status": "solved", "trajectories": [wire]})
+        for controls, message in [
+            ([(1, (1,)), (1, (1, 2))], "the controls of agent 0 differ in length"),
+            ([(1, 1, 2)], "has (1, 1, 2) at place 0, which is no (duration_s, control)"),
+            ([(1, (math.nan,))], "which is no (duration_s, control)"),
+        ]:
+            (answer,) = self.planned(lambda *_: [fleetyard.Motion(controls)])
+            self.assertIn(message, answer["result"]["message"])
+
 
 class Policies(unittest.TestCase):
     def plan(self, act, **more):

@@ -174,6 +174,8 @@ fn instance_to_c(
         radius_m: instance.radius_m,
         goal_tolerance_m: instance.goal_tolerance_m,
         goal_tolerance_rad: instance.goal_tolerance_rad,
+        goal_tolerance_rate: instance.goal_tolerance_rate,
+        dynamics_tolerance: instance.dynamics_tolerance,
         parts: kept.parts(&instance.parts),
     };
     kept.one(raw)
@@ -302,6 +304,8 @@ impl Instance {
             strict: flags & c::INSTANCE_STRICT != 0,
             goal_tolerance_m: raw.goal_tolerance_m,
             goal_tolerance_rad: raw.goal_tolerance_rad,
+            goal_tolerance_rate: raw.goal_tolerance_rate,
+            dynamics_tolerance: raw.dynamics_tolerance,
             // SAFETY: as promised.
             parts: unsafe { parts(raw.parts)? },
             ..Self::default()

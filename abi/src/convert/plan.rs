@@ -6,7 +6,7 @@ use super::instance::nothing_critical;
 use super::{code, copied, finite, invalid, lists, offsets_of, reserved, size_of, whole};
 use crate::c;
 use crate::lists::Lists;
-use crate::plan::{GridPlan, Knot, Plan, PlanRef, Visit};
+use crate::plan::{ControlPlan, GridPlan, Knot, MotionPlan, MotionRef, Plan, PlanRef, Visit};
 use crate::sdk::Failure;
 
 /// The sentence for a plan with paths for too few or too many agents.
@@ -62,7 +62,10 @@ impl PlanRef<'_> {
                 };
                 give(c::FORM_VISITS, plan.offsets(), (&raw const body).cast())
             }
-            Self::Trajectories(plan) => {
+            Self::Trajectories(MotionRef {
+                knots: plan,
+                controls,
+            }) => {
                 let knots = plan.items();
                 let time_s = column(knots, |knot| knot.time_s);
                 let x_m = column(knots, |knot| knot.x_m);
@@ -80,6 +83,13 @@ impl PlanRef<'_> {
                     } else {
                         heading_rad.as_ptr()
                     },
+                    segment_offsets: controls
+                        .map_or(ptr::null(), |plan| plan.durations_s().offsets().as_ptr()),
+                    duration_s: controls
+                        .map_or(ptr::null(), |plan| plan.durations_s().items().as_ptr()),
+                    control_offsets: controls
+                        .map_or(ptr::null(), |plan| plan.numbers().offsets().as_ptr()),
+                    controls: controls.map_or(ptr::null(), |plan| plan.numbers().items().as_ptr()),
                 };
                 give(
                     c::FORM_TRAJECTORIES,
@@ -174,8 +184,37 @@ impl Plan {
                     y_m: y_m[knot],
                     heading_rad: heading_rad[knot],
                 });
-                Self::Trajectories(Lists::from_flat(offsets, knots.collect()).unwrap_or_default())
+                let knots = Lists::from_flat(offsets, knots.collect()).unwrap_or_default();
+                if body.segment_offsets.is_null() {
+                    return Ok(Self::from(knots));
+                }
+                // SAFETY: as promised.
+                let controls = unsafe { controls_from_c(body, paths, most - len)? };
+                MotionPlan::new(knots, controls)
+                    .map(Self::Trajectories)
+                    .ok_or_else(|| invalid("controls of other agents than knots"))?
             }
         })
     }
+}
+
+/// Copies the controls of a plan, then looks at the copies. Refuses more than `most` segments.
+///
+/// # Safety
+/// The arrays are as long as the header says.
+unsafe fn controls_from_c(
+    body: &c::Trajectories,
+    agents: usize,
+    most: usize,
+) -> Result<ControlPlan, Failure> {
+    let names = ["plan.segment_offsets", "plan.duration_s"];
+    // SAFETY: by the caller's promise, here and below.
+    let durations = unsafe { lists(names, body.segment_offsets, body.duration_s, agents, most)? };
+    let names = ["plan.control_offsets", "plan.controls"];
+    let numbers = durations.items().len() * ControlPlan::MOST_NUMBERS;
+    // SAFETY: as promised.
+    let numbers = unsafe { lists(names, body.control_offsets, body.controls, agents, numbers)? };
+    finite("plan.duration_s", durations.items())?;
+    finite("plan.controls", numbers.items())?;
+    ControlPlan::new(durations, numbers).map_err(invalid)
 }

@@ -47,6 +47,9 @@ static int32_t solve(void *context, const FleetyardInstance *instance,
       bool heading = (fleetyard_robot(instance, agent)->flags & FLEETYARD_ROBOT_HEADING) != 0;
       fleetyard_add_knot(&paths, agent, 0, start[0], start[1], heading ? start[2] : NAN);
       fleetyard_add_knot(&paths, agent, 1, goal[0], goal[1], heading ? start[2] : NAN);
+      const double control[] = {1, 2};
+      for (uint32_t i = 0; i < 20 * agent; i++) // of the second one alone
+        fleetyard_add_control(&paths, agent, 0.5 + i, control, 2);
     }
   }
   int32_t status = fleetyard_submit(&paths, sink);
@@ -77,6 +80,8 @@ static uint32_t agents, entries[2000];
 static uint64_t offsets[3];
 static double columns[4][20];
 static bool headings;
+static int segments;
+static double last_s, last_number;
 
 static void keep(double *to, const double *from) {
   memcpy(to, from, (size_t)offsets[agents] * sizeof *from);
@@ -103,6 +108,11 @@ static int32_t submit_plan(void *context, const FleetyardPlan *plan) {
     headings = knots->heading_rad != NULL;
     if (headings)
       keep(columns[3], knots->heading_rad);
+    segments = knots->segment_offsets ? (int)knots->segment_offsets[agents] : -1;
+    if (segments > 0) {
+      last_s = knots->duration_s[segments - 1];
+      last_number = knots->controls[knots->control_offsets[agents] - 1];
+    }
   }
   return answer;
 }
@@ -281,6 +291,7 @@ static void workspaces(FleetyardInstance instance) {
   instance.goal_states = goals;
   CHECK(fleetyard_workspace(&environment, &sink) == &workspace);
   CHECK(plan(&instance) == 0 && form == FLEETYARD_FORM_TRAJECTORIES && offsets[2] == 4);
+  CHECK(segments == 20 && same(last_s, 19.5) && same(last_number, 2));
   CHECK(headings && same(columns[3][0], 1) && same(columns[3][3], 2) && same(columns[2][1], 3));
   robot.flags = 0;
   CHECK(plan(&instance) == 0 && !headings && same(columns[0][3], 1) && same(columns[1][2], 3));

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use fleetyard_abi::convert::{CEnvironment, CInstance, size_of};
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{
-    Environment, GridEnvironment, GridPlan, Instance, Knot, KnotPlan, Lists, Plan,
+    ControlPlan, Environment, GridEnvironment, GridPlan, Instance, Knot, KnotPlan, Lists, Plan,
     RoadmapEnvironment, Robot, State, Status, Visit, VisitPlan, WorkspaceEnvironment, c,
 };
 
@@ -330,6 +330,69 @@ fn numbers_of_plans_are_finite_but_for_headings_that_are_not_there() {
     refused(read, invalid, "plan.heading_rad has inf");
 }
 
+/// Two controls of two numbers.
+fn controls() -> Plan {
+    let mut controls = ControlPlan::default();
+    let segments = [(0.5, [1.0, 0.0]), (1.5, [0.0, 2.0])];
+    controls.push_agent(segments).unwrap();
+    Plan::Trajectories(controls.into())
+}
+
+#[test]
+fn columns_of_controls_fit_together() {
+    let read = |change: &dyn Fn(&mut c::Trajectories)| {
+        plan::<c::Trajectories>(controls(), |_, body| change(body))
+    };
+    assert_eq!(read(&|_| {}).unwrap(), controls());
+    let (odd, none) = ([f64::NAN; 9], [0.0; 0]);
+    let (zeros, many, three, back) = ([0, 0], [0, 1 << 30], [0, 3], [1, 0]);
+    let invalid = Status::InvalidInput;
+    let lies: [(&dyn Fn(&mut c::Trajectories), &str); 8] = [
+        (
+            &|body| body.duration_s = std::ptr::null(),
+            "plan.duration_s is null",
+        ),
+        (
+            &|body| body.duration_s = odd.as_ptr(),
+            "plan.duration_s has NaN",
+        ),
+        (
+            &|body| body.controls = odd.as_ptr(),
+            "plan.controls has NaN",
+        ),
+        (
+            &|body| body.control_offsets = std::ptr::null(),
+            "plan.control_offsets is null",
+        ),
+        (
+            &|body| body.segment_offsets = many.as_ptr(),
+            "plan.duration_s are 1073741824 entries",
+        ),
+        (
+            &|body| body.control_offsets = many.as_ptr(),
+            "plan.controls are 1073741824 entries",
+        ),
+        (
+            &|body| body.control_offsets = three.as_ptr(),
+            "agent 0 has 3 numbers of controls for 2 segments",
+        ),
+        (
+            &|body| body.segment_offsets = back.as_ptr(),
+            "do not begin with 0",
+        ),
+    ];
+    for (lie, message) in lies {
+        refused(read(lie), invalid, message);
+    }
+    // Without segments there is nothing to point at.
+    let read = plan::<c::Trajectories>(knots(), |_, body| {
+        body.segment_offsets = zeros.as_ptr();
+        body.control_offsets = zeros.as_ptr();
+        body.duration_s = none.as_ptr();
+    });
+    assert_eq!(read.unwrap(), knots());
+}
+
 /// A structure of a later version: with more at its end.
 #[repr(C)]
 struct Longer<T> {
@@ -367,7 +430,7 @@ fn longer_structures_are_read() {
         let robots = [&raw const robot.known];
         raw.known.robots = robots.as_ptr();
         assert_eq!(Instance::from_c(&raw const raw.known).unwrap(), sent);
-        for sent in [cells(), visits(), knots()] {
+        for sent in [cells(), visits(), knots(), controls()] {
             let read = sent.as_ref().with_c(|given| {
                 let mut raw = longer(*given);
                 raw.known.struct_size = size_of::<Longer<c::Plan>>();

@@ -7,11 +7,13 @@ use std::sync::Arc;
 
 use fleetyard_abi::convert::{CEnvironment, CFleetState, CInstance};
 use fleetyard_abi::moves::OFF_MAP;
+use fleetyard_abi::paths::{PlanContext, WritePlan};
+use fleetyard_abi::wire::PlanText;
 use fleetyard_abi::{
-    Environment, FleetState, Footprint, GoalTasks, GridEnvironment, GridPlan, Heading, Instance,
-    Kept, Knot, KnotPlan, Limit, Lists, Motion, Mover, Objective, Part, Plan, RestOfPlan,
-    RoadmapEnvironment, Robot, Snapshot, State, Task, Traffic, View, Visit, VisitPlan,
-    WorkspaceEnvironment,
+    ControlPlan, Environment, FleetState, Footprint, GoalTasks, GridEnvironment, GridPlan, Heading,
+    Instance, Kept, Knot, KnotPlan, Limit, Lists, Motion, MotionPlan, Mover, Objective, Part,
+    PathEncoding, Plan, PlanRef, RestOfPlan, RoadmapEnvironment, Robot, Snapshot, State, Task,
+    Traffic, View, Visit, VisitPlan, WorkspaceEnvironment,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -235,6 +237,7 @@ fn frame(agents: usize) -> impl Strategy<Value = Instance> {
     (robots, codes, numbers, parts()).prop_map(
         |((robots, robot_of), (motion, objective, flags), (window_steps, numbers), parts)| {
             let [window_s, radius_m, goal_tolerance_m, goal_tolerance_rad] = numbers;
+            let (goal_tolerance_rate, dynamics_tolerance) = (radius_m, window_s);
             let robot_of = if robots.len() > 1 {
                 robot_of
             } else {
@@ -250,6 +253,8 @@ fn frame(agents: usize) -> impl Strategy<Value = Instance> {
                 radius_m,
                 goal_tolerance_m,
                 goal_tolerance_rad,
+                goal_tolerance_rate,
+                dynamics_tolerance,
                 allows_cycles: flags[0],
                 strict: flags[1],
                 parts,
@@ -324,6 +329,41 @@ fn knots() -> impl Strategy<Value = KnotPlan> {
     vec(vec(knot, 0..4), 0..4).prop_map(|lists| lists.into_iter().collect())
 }
 
+/// Controls of agents of which some have knots too.
+fn motions() -> impl Strategy<Value = MotionPlan> {
+    let agent = (0..4_usize).prop_flat_map(|size| vec((metres(), vec(metres(), size)), 0..4));
+    (knots(), vec(agent, 4)).prop_map(|(knots, agents)| {
+        let mut controls = ControlPlan::default();
+        for segments in agents.into_iter().take(knots.len()) {
+            controls.push_agent(segments).unwrap();
+        }
+        MotionPlan::new(knots, controls).unwrap()
+    })
+}
+
+/// The same plan from the message that has it.
+#[track_caller]
+fn motions_by_json(sent: &MotionPlan) {
+    let most = PlanRef::from(sent).entries();
+    let written = WritePlan {
+        plan: sent.into(),
+        context: PlanContext::Trajectories(most),
+        encoding: PathEncoding::default(),
+    };
+    let text = serde_json::to_string(&written).unwrap();
+    let message: PlanText<'_> = serde_json::from_str(&text).unwrap();
+    let arrived = PlanContext::Trajectories(most).read(&message).unwrap();
+    let sent = Some(Plan::from(sent.clone()));
+    assert_eq!(format!("{arrived:?}"), format!("{sent:?}"), "{text}");
+    if let Some(fewer) = most.checked_sub(1) {
+        let refused = PlanContext::Trajectories(fewer).read(&message).unwrap_err();
+        assert!(
+            refused.contains("too long in the motion of agent"),
+            "{refused}"
+        );
+    }
+}
+
 fn cells() -> impl Strategy<Value = GridPlan> {
     vec(vec(any::<u32>(), 0..4), 0..4).prop_map(GridPlan::from_paths)
 }
@@ -385,11 +425,17 @@ proptest! {
     }
 
     #[test]
-    fn plans_arrive_as_they_were_sent(cells in cells(), visits in visits(), knots in knots()) {
+    fn plans_arrive_as_they_were_sent(
+        cells in cells(),
+        visits in visits(),
+        knots in knots(),
+        motions in motions(),
+    ) {
         // Cells in JSON are for the module `paths`.
         by_json(&visits);
         by_json(&knots);
-        for plan in [Plan::Cells(cells), Plan::Visits(visits), Plan::Trajectories(knots)] {
+        motions_by_json(&motions);
+        for plan in [cells.into(), visits.into(), knots.into(), Plan::from(motions)] {
             plan_by_c(&plan);
         }
     }

@@ -90,14 +90,24 @@ struct Odd : fleetyard::Planner {
 
   static void in_plane(const fleetyard::Instance &instance, const fleetyard::Sink &sink) {
     fleetyard::ContinuousPlan plan;
+    fleetyard::MotionPlan motions;
     for (std::size_t agent = 0; agent < instance.agents(); agent++) {
       const auto start = instance.start_state(agent), goal = instance.goal_state(agent, 0);
       fleetyard::Knot first{0, start[0], start[1]}, last{2, goal[0], goal[1]};
       if (instance.robot(agent).has_heading())
         first.heading_rad = last.heading_rad = start[2];
-      plan.add(std::vector<fleetyard::Knot>{first, last});
+      const std::vector<fleetyard::Knot> knots{first, last};
+      plan.add(knots);
+      const fleetyard::Segment odd{1, {1}}, starts{0.5, {1, 2}}, rolls{1.5, {0, 0}};
+      try {
+        motions.add({starts, odd});
+        EXPECT(false);
+      } catch (const std::invalid_argument &) {
+      }
+      motions.add({starts, rolls}, knots);
     }
-    result = sink.submit_plan(plan);
+    const bool turns = instance.robot(0).has_heading();
+    result = turns ? sink.submit_plan(plan) : sink.submit_plan(motions);
   }
 };
 
@@ -158,6 +168,14 @@ std::int32_t submit_plan(void *, const FleetyardPlan *plan) {
           add(body.heading_rad[at]);
       }
     }
+    const auto *body = static_cast<const FleetyardTrajectories *>(plan->body);
+    if (form != FLEETYARD_FORM_TRAJECTORIES || !body->segment_offsets)
+      continue;
+    std::vector<double> &numbers = submitted.back();
+    numbers.insert(numbers.end(), body->duration_s + body->segment_offsets[agent],
+                   body->duration_s + body->segment_offsets[agent + 1]);
+    numbers.insert(numbers.end(), body->controls + body->control_offsets[agent],
+                   body->controls + body->control_offsets[agent + 1]);
   }
   return answer;
 }
@@ -520,7 +538,7 @@ void workspaces_are_read() {
   EXPECT(submitted[0] == std::vector<double>({0, 0, 0, 0.5, 2, 3, 1, 0.5}));
   robot.flags = 0;
   EXPECT(world.both() == FLEETYARD_STATUS_SOLVED);
-  EXPECT(submitted[0] == std::vector<double>({0, 0, 0, 2, 3, 1}));
+  EXPECT(submitted[0] == std::vector<double>({0, 0, 0, 2, 3, 1, 0.5, 1.5, 1, 2, 0, 0}));
   const fleetyard::Workspace view(&workspace);
   EXPECT(view.obstacle(0).size() == 3 && same(view.obstacle(0)[2].y_m, 2));
   EXPECT(same(view.max_m().x_m, 4) && same(view.mover(0).knot(1).y_m, 1));
@@ -572,6 +590,19 @@ void modules_of_fleets_are_called() {
     return policy.recover(policy.context, &world.instance, &failed, &world.budget, &sink);
   };
   EXPECT(recover() == 0 && submitted[0] == std::vector<double>({0, 1}));
+  const std::uint64_t none[] = {0, 0}, held[] = {0, 2}, given[] = {0, 4};
+  const double durations[] = {0.5, 1.5}, numbers[] = {1, 2, 0, 3};
+  FleetyardTrajectories motions{};
+  motions.struct_size = sizeof motions;
+  motions.segment_offsets = held;
+  motions.duration_s = durations;
+  motions.control_offsets = given;
+  motions.controls = numbers;
+  const FleetyardPlan driven = {sizeof driven, 1, FLEETYARD_FORM_TRAJECTORIES, 0, none, &motions,
+                                {}};
+  const fleetyard::PlanView led(&driven);
+  EXPECT(led.length(0) == 0 && led.segments(0) == 2 && same(led.segment(0, 1).duration_s, 1.5));
+  EXPECT(led.segment(0, 1).control == std::vector<double>({0, 3}));
   failed.form = 0;
   EXPECT(recover() == FLEETYARD_STATUS_INVALID_INPUT);
   failed.form = 9;

@@ -11,7 +11,7 @@ use fleetyard_core::{
     GridInstance, GridPlan, PlanFile, RoadmapPlanFile, TrajectoryFile, write_plan,
     write_roadmap_plan, write_trajectories,
 };
-use fleetyard_views::{View, trajectories_of, visits_of};
+use fleetyard_views::{View, visits_of};
 
 use crate::suite::Question;
 
@@ -21,21 +21,21 @@ const LARGEST: usize = 64 << 20;
 /// The plan file of a plan, compressed; `None` for one that is too large to be kept, or is none of what
 /// was asked. It names neither planner nor instance: equal plans are equal files.
 pub(crate) fn packed(question: &Question, plan: &Plan) -> Option<Vec<u8>> {
-    let view = match question {
+    let asked = match question {
         Question::Grid(_) => None,
-        Question::View(asked) => Some(&asked.view),
+        Question::View(asked) => Some(asked),
     };
-    let file = match (view, plan) {
+    let file = match (asked.map(|asked| (&asked.view, &asked.problem)), plan) {
         (_, Plan::Cells(plan)) => cells(question.cells()?, plan),
-        (Some(View::Roadmap(view)), Plan::Visits(visits)) => {
+        (Some((View::Roadmap(view), _)), Plan::Visits(visits)) => {
             let plan = visits_of(visits).ok()?;
             write_roadmap_plan(&RoadmapPlanFile {
                 roadmap_digest: None,
                 ..RoadmapPlanFile::new(&view.roadmap, None, plan)
             })
         }
-        (Some(View::Continuous), Plan::Trajectories(knots)) => {
-            write_trajectories(&TrajectoryFile::new(trajectories_of(knots).ok()?))
+        (Some((View::Continuous, problem)), Plan::Trajectories(motions)) => {
+            write_trajectories(&TrajectoryFile::new(problem.motions(motions).ok()?))
         }
         _ => return None,
     };

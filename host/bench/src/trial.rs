@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, Plan, SharedEnvironment};
 use fleetyard_check::PathRule;
-use fleetyard_core::{Digest, GridPlan, Hasher};
+use fleetyard_core::GridPlan;
 use fleetyard_runtime::measure::{
     Call, Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -15,7 +15,6 @@ use fleetyard_runtime::{
     Termination,
 };
 use fleetyard_sim::{Plan as Planned, SimConfig, SimError, Simulator, TraceSink};
-use fleetyard_views::{trajectories_of, visits_of};
 use serde_json::Value;
 
 use crate::calibration::Calibration;
@@ -312,7 +311,7 @@ impl Trial<'_> {
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
-            plan_digest: plan.as_ref().map(digest_of),
+            plan_digest: plan.as_ref().map(|plan| self.instance.plan_digest(plan)),
         };
         if let Some(found) = found {
             (record.verdict, record.judged) = (found.verdict, found.judged);
@@ -497,20 +496,6 @@ impl Trial<'_> {
             ..self.instance.metrics(plan, found, self.config)
         }
     }
-}
-
-/// Digest of a plan, the same as of its file; of one that is broken, the digest of its fault.
-fn digest_of(plan: &Plan) -> Digest {
-    let digest = match plan {
-        Plan::Cells(plan) => Ok(Digest::of_plan(plan)),
-        Plan::Visits(visits) => visits_of(visits).map(|plan| plan.digest()),
-        Plan::Trajectories(knots) => trajectories_of(knots).map(|plan| plan.digest()),
-    };
-    digest.unwrap_or_else(|fault| {
-        let mut hasher = Hasher::new("fleetyard.broken-plan/1");
-        hasher.bytes(fault.as_bytes());
-        hasher.finish()
-    })
 }
 
 /// A duration as records have it.

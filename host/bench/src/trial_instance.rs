@@ -3,9 +3,9 @@
 
 use fleetyard_abi::{Descriptor, Instance, Plan, SharedEnvironment};
 use fleetyard_check::{PathRule, metrics, validate_paths};
-use fleetyard_core::{Digest, GridInstance, GridPlan, InputError, TrajectoryPlan};
+use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError, TrajectoryPlan};
 use fleetyard_sim::{SimConfig, Simulator, TraceSink};
-use fleetyard_views::{Judged, PlanTerms, Problem, View};
+use fleetyard_views::{Judged, PlanTerms, Problem, View, visits_of};
 
 use crate::options::Robots;
 use crate::plugin::{Plugin, motion};
@@ -59,6 +59,23 @@ impl TrialInstance<'_> {
             Self::Grid { instance, .. } => instance.digest(),
             Self::View { problem, view, .. } => view.digest(problem),
         }
+    }
+
+    /// Digest of a plan, the same as of its file; of one that is broken, the digest of its fault.
+    pub(crate) fn plan_digest(&self, plan: &Plan) -> Digest {
+        let digest = match (plan, self) {
+            (Plan::Cells(plan), _) => Ok(Digest::of_plan(plan)),
+            (Plan::Visits(visits), _) => visits_of(visits).map(|plan| plan.digest()),
+            (Plan::Trajectories(motions), Self::View { problem, .. }) => {
+                problem.motions(motions).map(|plan| plan.digest())
+            }
+            (Plan::Trajectories(_), Self::Grid { .. }) => Err("trajectories on a grid".to_owned()),
+        };
+        digest.unwrap_or_else(|fault| {
+            let mut hasher = Hasher::new("fleetyard.broken-plan/1");
+            hasher.bytes(fault.as_bytes());
+            hasher.finish()
+        })
     }
 
     /// Refuses what no planner may be asked; `source` names the instance.

@@ -14,6 +14,7 @@ use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
+use crate::controls::{self, ControlTask};
 use crate::verdict::{keep_first, other_counts};
 
 /// The data that a plan in continuous space is judged by.
@@ -29,6 +30,9 @@ pub struct ContinuousTask<'a> {
     pub goals: Option<&'a [Pose]>,
     /// The dynamics of every agent, if they are given.
     pub limits: Option<&'a [Dynamics]>,
+    /// What controls of a plan are judged by, if it is given. Those who have controls are held to
+    /// the limits there.
+    pub controls: Option<ControlTask<'a>>,
     /// Deviations that are no violation.
     pub tolerance: Tolerance,
 }
@@ -42,6 +46,7 @@ impl<'a> ContinuousTask<'a> {
             starts: None,
             goals: None,
             limits: None,
+            controls: None,
             tolerance: Tolerance::default(),
         }
     }
@@ -106,6 +111,12 @@ pub enum ContinuousRule {
     TooSudden,
     /// An agent changes its turn rate faster than it can.
     TurnsTooSuddenly,
+    /// An agent leaves the states that it may be in.
+    OutOfLimits,
+    /// The controls of an agent do not lead to its knots.
+    OffControls,
+    /// The controls of an agent are none of its robot.
+    WrongControls,
     /// Two agents overlap.
     AgentContact,
     /// An agent overlaps an obstacle.
@@ -125,6 +136,9 @@ words!(ContinuousRule {
     TurnsTooFast = "turns-too-fast";
     TooSudden = "too-sudden";
     TurnsTooSuddenly = "turns-too-suddenly";
+    OutOfLimits = "out-of-limits";
+    OffControls = "off-controls";
+    WrongControls = "wrong-controls";
     AgentContact = "agent-contact";
     ObstacleContact = "obstacle-contact";
     MoverContact = "mover-contact";
@@ -155,7 +169,7 @@ pub struct BeyondLimit {
     /// The place of the agent then, in metres.
     pub place_m: [f64; 2],
     /// The demand of the plan, in the unit of the rule: m/s, m/s², rad/s, rad/s²; of a
-    /// course, radians from the nearest possible one.
+    /// course, radians from the nearest possible one; of controls beside knots, metres or radians.
     pub value: f64,
     /// The most that it can, in the same unit.
     pub limit: f64,
@@ -202,8 +216,9 @@ pub fn validate_trajectories(
     }
     check_places(plan, task, &mut violations);
     check_dynamics(plan, task, &mut violations);
+    controls::check(plan, task, &mut violations);
     let search = ContactSearch {
-        tolerance_m: task.tolerance.overlap_m,
+        tolerance_m: task.tolerance.overlap_m + controls::slack_m(plan, task.shapes),
         limit,
         approach_range_m: None,
     };
@@ -267,6 +282,10 @@ fn check_counts(
         ("starts", task.starts.map(<[_]>::len)),
         ("goals", task.goals.map(<[_]>::len)),
         ("limits", task.limits.map(<[_]>::len)),
+        (
+            "models",
+            task.controls.map(|controls| controls.models.len()),
+        ),
     ];
     violations.extend(
         other_counts(agents, counts).map(|sentence| ContinuousViolation {
@@ -329,6 +348,9 @@ fn check_dynamics(
     violations: &mut Vec<ContinuousViolation>,
 ) {
     for (agent, limits) in task.limits.unwrap_or_default().iter().enumerate() {
+        if task.controls.is_some() && controls::has(plan, agent) {
+            continue;
+        }
         let excesses = limits.excesses(plan.knots(agent));
         violations.extend(excesses.iter().map(|excess| {
             let (rule, what) = beyond(excess);

@@ -11,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 mod continuous;
+mod controls;
 mod metrics;
 mod path;
 mod roadmap;
@@ -21,6 +22,7 @@ pub use continuous::{
     BeyondLimit, ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Near,
     Tolerance, validate_trajectories,
 };
+pub use controls::{ControlTask, MOST_DRIVEN_KNOTS};
 pub use metrics::{PlanMetrics, TravelCosts, metrics};
 pub use path::{PathRule, validate_paths};
 pub use roadmap::{

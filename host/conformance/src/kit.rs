@@ -127,6 +127,7 @@ impl Kit {
         let started = Instant::now();
         let mut trial = Trial::new(self, subject, seed);
         let ended = trial.needs(case).and_then(|()| (case.run)(&mut trial));
+        let ended = ended.and_then(|()| trial.end());
         let (outcome, reason) = match ended {
             Ok(()) => (Outcome::Passed, None),
             Err(stop) => {

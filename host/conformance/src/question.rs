@@ -50,6 +50,17 @@ pub(crate) trait Question {
     /// one. `None` where planners for several agents may do so too.
     fn pair(&self) -> Step<Option<Box<dyn Question>>>;
 
+    /// The same in which robots that move in any way have dynamics of this name; `None` where there are
+    /// none.
+    fn moved_by(&self, _: &'static str) -> Option<Box<dyn Question>> {
+        None
+    }
+
+    /// True if planners need not know the robots and the obstacles.
+    fn may_be_unknown(&self) -> bool {
+        false
+    }
+
     /// True if there is no plan because there are several agents.
     fn is_crowded(&self) -> bool;
 

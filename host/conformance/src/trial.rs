@@ -18,6 +18,7 @@ use crate::kit::{Config, Kit, Subject, milliseconds};
 use crate::question::{Question, Representation};
 use crate::report::Outcome;
 use crate::scene::Scene;
+use crate::scene::workspace::DYNAMICS;
 
 /// The reason why a case goes no further.
 #[derive(Debug)]
@@ -170,7 +171,9 @@ fn same_plan(one: &Plan, other: &Plan) -> bool {
                 })
             };
             let bits = |plan: &KnotPlan| -> Vec<_> { plan.items().iter().map(numbers).collect() };
-            one.offsets() == other.offsets() && bits(one) == bits(other)
+            one.knots().offsets() == other.knots().offsets()
+                && bits(one.knots()) == bits(other.knots())
+                && one.controls() == other.controls()
         }
         (one, other) => one == other,
     }
@@ -189,6 +192,10 @@ pub(crate) struct Trial<'a> {
     pub(crate) delay: u32,
     /// True if it is a planner for one agent; known after the first need of it.
     alone: Option<bool>,
+    /// Number of answers that were judged.
+    judged: usize,
+    /// Scenes of which the plugin does not know the robots or the obstacles, as it may.
+    unknown: Vec<String>,
 }
 
 impl<'a> Trial<'a> {
@@ -202,7 +209,31 @@ impl<'a> Trial<'a> {
             kept: None,
             delay: 0,
             alone: None,
+            judged: 0,
+            unknown: Vec::new(),
         }
+    }
+
+    /// The end of a case: one in which the plugin knew none of the robots is skipped, and those that it
+    /// did not know are named.
+    pub(crate) fn end(&mut self) -> Step<()> {
+        let Some(first) = self.unknown.first() else {
+            return Ok(());
+        };
+        if self.judged == 0 {
+            return Err(Stop::Skipped(format!(
+                "the plugin knows none of the robots or obstacles, as it may: {first}"
+            )));
+        }
+        for unknown in std::mem::take(&mut self.unknown) {
+            self.warn(format!("not known, as it may be: {unknown}"));
+        }
+        Ok(())
+    }
+
+    /// True if there was a scene of which the plugin does not know the robots.
+    pub(crate) fn is_ignorant(&self) -> bool {
+        !self.unknown.is_empty()
     }
 
     pub(crate) fn into_notes(self) -> (Vec<String>, BTreeMap<String, f64>) {
@@ -365,8 +396,17 @@ impl<'a> Trial<'a> {
         if self.kind() == Kind::InvocationPolicy {
             return Ok(());
         }
-        self.learn(session, &scene.environment()?)?;
-        Ok(())
+        match self.learn(session, &scene.environment()?) {
+            Err(Fault::Reported {
+                status: Status::Unsupported,
+                message,
+                ..
+            }) if scene.may_be_unknown() => Err(Stop::Skipped(format!(
+                "the plugin does not know the map, as it may: {}: {message}",
+                scene.name()
+            ))),
+            learnt => Ok(learnt?),
+        }
     }
 
     /// Tells the plugin a map as it is.
@@ -416,7 +456,7 @@ impl<'a> Trial<'a> {
         };
         self.prepare(session, &*pair)?;
         let alone = self
-            .put(
+            .put_fitting(
                 session,
                 &*pair,
                 &Call {
@@ -435,9 +475,30 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// The first agent of a scene, if the plugin plans for one.
-    fn only_agent(&self, scene: &dyn Question) -> Option<Box<dyn Question>> {
-        (self.alone == Some(true)).then(|| scene.first_agent())
+    /// What is asked in place of a scene: robots with dynamics that the plugin lists, if it lists any,
+    /// and the first agent alone, if it plans for one.
+    fn in_place_of(&self, scene: &dyn Question) -> Option<Box<dyn Question>> {
+        let moved = self
+            .dynamics()
+            .first()
+            .and_then(|name| scene.moved_by(name));
+        let is_alone = self.alone == Some(true);
+        let whole = moved.as_deref().unwrap_or(scene);
+        if is_alone {
+            Some(whole.first_agent())
+        } else {
+            moved
+        }
+    }
+
+    /// The dynamics of robots that the plugin lists, as far as the host can judge them.
+    pub(crate) fn dynamics(&self) -> Vec<&'static str> {
+        let features = &self.descriptor().features;
+        let lists = |name: &&str| {
+            let mut features = features.iter();
+            features.any(|feature| feature.strip_prefix("dynamics:") == Some(*name))
+        };
+        DYNAMICS.into_iter().filter(lists).collect()
     }
 
     /// Asks it once, as much of the scene as it plans for.
@@ -447,8 +508,8 @@ impl<'a> Trial<'a> {
         scene: &dyn Question,
         call: &Call<'_>,
     ) -> Step<Answer> {
-        match self.only_agent(scene) {
-            Some(only) => self.put(session, &*only, call),
+        match self.in_place_of(scene) {
+            Some(other) => self.put(session, &*other, call),
             None => self.put(session, scene, call),
         }
     }
@@ -556,8 +617,8 @@ impl<'a> Trial<'a> {
                 "asks about several agents, and this is a planner for one".into(),
             ));
         }
-        let only = self.only_agent(scene);
-        let scene = only.as_deref().unwrap_or(scene);
+        let other = self.in_place_of(scene);
+        let scene = other.as_deref().unwrap_or(scene);
         let failed = |reason: String| {
             let (name, picture) = (scene.name(), scene.picture());
             Err(Stop::Failed(format!("{name}: {reason}{picture}")))
@@ -581,6 +642,11 @@ impl<'a> Trial<'a> {
             Said::Invoke(_) | Said::Nothing => {}
         }
         let shown = answer.shown();
+        if answer.status == Status::Unsupported && scene.may_be_unknown() {
+            self.unknown.push(format!("{}: {shown}", scene.name()));
+            return Ok(());
+        }
+        self.judged += 1;
         // The host cancels a call when its time is up.
         let status = match answer.status {
             Status::Cancelled if answer.by_clock => Status::TimedOut,

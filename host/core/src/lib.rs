@@ -28,7 +28,7 @@ pub mod trajectory_file;
 mod words;
 
 pub use fleetyard_abi::moves::{self, OFF_MAP};
-pub use fleetyard_abi::{GridPlan, Heading, PathEncoding};
+pub use fleetyard_abi::{ControlPlan, GridPlan, Heading, PathEncoding, Robot, Segment};
 
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
@@ -53,7 +53,7 @@ pub use scenario::{
 };
 pub use search::{GridSearch, OctileLength};
 pub use shell::quoted;
-pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan};
+pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan, check_controls};
 pub use trajectory_file::{
     TrajectoryFile, load_trajectories, read_trajectories, save_trajectories, write_trajectories,
 };

@@ -1,5 +1,7 @@
 //! Trajectory plans: per agent, where it is in the plane at which times.
 
+use fleetyard_abi::ControlPlan;
+
 use crate::frame::cell_center_m;
 use crate::{Digest, Grid, GridPlan, Hasher};
 
@@ -24,6 +26,8 @@ pub struct Knot {
 /// has a knot, its first is at time 0, times ascend strictly, all numbers are finite and
 /// at most [`TrajectoryPlan::LARGEST`] in magnitude, and either every knot has a heading
 /// or none has. A knot that repeats the one before it is dropped when it is added.
+/// A plan may have controls beside its knots, for as many agents: durations are above 0, and none of
+/// their numbers exceeds that magnitude.
 /// Nothing else is promised: a plan may leave the world, be too fast or collide.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryPlan {
@@ -32,6 +36,7 @@ pub struct TrajectoryPlan {
     x_m: Vec<f64>,
     y_m: Vec<f64>,
     heading_rad: Option<Vec<f64>>,
+    controls: Option<ControlPlan>,
 }
 
 /// A path that is being appended.
@@ -102,13 +107,27 @@ pub enum TrajectoryError {
     Scale { what: &'static str, value: f64 },
     #[error("agent {agent} is not on the map at time {time}")]
     OffMap { agent: usize, time: usize },
+    #[error("there are controls of {controls} agents, but paths of {paths}")]
+    ControlCount { controls: usize, paths: usize },
+    #[error("segment {segment} of agent {agent} has {what} {value}, {fault}")]
+    Control {
+        agent: usize,
+        segment: usize,
+        what: &'static str,
+        value: f64,
+        fault: &'static str,
+    },
 }
 
 impl TrajectoryError {
     /// The agent at fault, and which of its knots, if one is.
     pub fn place(&self) -> Option<(usize, usize)> {
         match self {
-            Self::LengthMismatch { .. } | Self::Offsets { .. } | Self::Scale { .. } => None,
+            Self::LengthMismatch { .. }
+            | Self::Offsets { .. }
+            | Self::Scale { .. }
+            | Self::ControlCount { .. }
+            | Self::Control { .. } => None,
             Self::NoKnots { agent } | Self::LateBegin { agent, .. } => Some((*agent, 0)),
             Self::OffMap { agent, time } => Some((*agent, *time)),
             Self::NotFinite { agent, knot, .. }
@@ -130,9 +149,51 @@ impl TrajectoryError {
             Self::MixedHeadings { .. } => {
                 Some("give every knot of every agent a heading, or none; a disc's may be 0")
             }
+            Self::ControlCount { .. } => {
+                Some("give every agent a list of segments, empty where it has knots alone")
+            }
+            Self::Control { .. } => Some(
+                "a segment is [duration, number, …]: seconds above 0, then the control; all of them \
+                 together take at most 1e9 s",
+            ),
             _ => None,
         }
     }
+}
+
+/// Refuses controls with numbers that nothing can be computed of, and durations that are none.
+pub fn check_controls(controls: &ControlPlan) -> Result<(), TrajectoryError> {
+    for agent in 0..controls.agents() {
+        let mut end_s = 0.0;
+        for (number, segment) in controls.of(agent).enumerate() {
+            let wrong = |what, value, fault| TrajectoryError::Control {
+                agent,
+                segment: number,
+                what,
+                value,
+                fault,
+            };
+            let duration_s = segment.duration_s;
+            // NaN is not above 0 either.
+            if !(duration_s > 0.0) {
+                return Err(wrong("the duration", duration_s, "which is not above 0"));
+            }
+            end_s += duration_s;
+            if end_s > TrajectoryPlan::LARGEST {
+                return Err(wrong(
+                    "the duration",
+                    duration_s,
+                    "beyond 1e9 s from the start",
+                ));
+            }
+            let mut numbers = segment.control.iter();
+            let small = |number: &&f64| number.abs() <= TrajectoryPlan::LARGEST;
+            if let Some(value) = numbers.find(|number| !small(number)) {
+                return Err(wrong("the number", *value, "beyond ±1e9"));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The fastest that an agent moves and turns between two of its knots.
@@ -170,6 +231,7 @@ impl TrajectoryPlan {
             x_m: Vec::with_capacity(knots),
             y_m: Vec::with_capacity(knots),
             heading_rad: None,
+            controls: None,
         }
     }
 
@@ -241,6 +303,7 @@ impl TrajectoryPlan {
             x_m,
             y_m,
             heading_rad,
+            controls: None,
         })
     }
 
@@ -386,6 +449,27 @@ impl TrajectoryPlan {
         Ok(all)
     }
 
+    /// The same with controls of its agents, one after the other from time 0 on.
+    pub fn with_controls(self, controls: ControlPlan) -> Result<Self, TrajectoryError> {
+        let (own, paths) = (controls.agents(), self.agents());
+        if own != paths {
+            return Err(TrajectoryError::ControlCount {
+                controls: own,
+                paths,
+            });
+        }
+        check_controls(&controls)?;
+        Ok(Self {
+            controls: (controls.segments() > 0).then_some(controls),
+            ..self
+        })
+    }
+
+    /// The controls, if there are any. An agent without a segment has knots alone.
+    pub fn controls(&self) -> Option<&ControlPlan> {
+        self.controls.as_ref()
+    }
+
     /// Number of agents.
     pub fn agents(&self) -> usize {
         self.offsets.len() - 1
@@ -434,7 +518,7 @@ impl TrajectoryPlan {
     }
 
     /// Digest of the knots, without waits at the ends of paths: an agent stays where its
-    /// path ends.
+    /// path ends. Controls count too.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new("fleetyard.trajectory-plan/1");
         hasher.u64(self.agents() as u64);
@@ -451,8 +535,23 @@ impl TrajectoryPlan {
                 }
             }
         }
+        for (agent, controls) in self.controls.iter().flat_map(each_agent) {
+            hasher.u64(controls.control_size(agent) as u64);
+            hasher.u64(controls.of(agent).len() as u64);
+            for segment in controls.of(agent) {
+                hasher.f64(segment.duration_s);
+                for number in segment.control {
+                    hasher.f64(number + 0.0);
+                }
+            }
+        }
         hasher.finish()
     }
+}
+
+/// Every agent, each with the controls of all.
+fn each_agent(controls: &ControlPlan) -> impl Iterator<Item = (usize, &ControlPlan)> {
+    (0..controls.agents()).map(move |agent| (agent, controls))
 }
 
 /// A knot with one zero: −0 and 0 mean the same, and would have different digests.

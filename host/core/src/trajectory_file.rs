@@ -15,8 +15,10 @@
 //! `format` and `paths` are needed, the rest is optional and unknown keys are refused.
 //! Keys may come in any order. `paths` has one list per agent: its knots, each
 //! `[t, x, y]` or `[t, x, y, heading]`, in seconds, metres and radians. What makes a plan
-//! of them, and what does not, is said at [`TrajectoryPlan`]. A file whose paths do not
-//! have the digest that `plan_digest` names is refused.
+//! of them, and what does not, is said at [`TrajectoryPlan`]. `controls` may have a list of
+//! segments per agent, each `[duration, number, …]`: the control and the seconds that it is
+//! held. A file whose paths and controls do not have the digest that `plan_digest` names is
+//! refused.
 
 use std::path::Path;
 
@@ -28,7 +30,7 @@ use crate::json::{self, check_digest, push_lines, push_list, push_number, read_o
 use crate::path_list::{Paths, ReadStops};
 use crate::plan_file::PLAN_FILE_LIMIT;
 use crate::trajectory::Unfinished;
-use crate::{Digest, InputError, Knot, TrajectoryPlan};
+use crate::{ControlPlan, Digest, InputError, Knot, TrajectoryPlan};
 
 /// Most knots that all paths of a file may have together.
 pub const TRAJECTORY_MAX_KNOTS: usize = 1 << 27;
@@ -71,7 +73,13 @@ pub fn read_trajectories(source: &str, bytes: &[u8]) -> Result<TrajectoryFile, I
     let hint = "a trajectory file is a JSON object with format and paths";
     let document: Document = read_object(source, bytes, hint)?;
     let () = document.format;
-    let (Paths(plan), named) = (document.paths, document.plan_digest);
+    let (Paths(mut plan), named) = (document.paths, document.plan_digest);
+    if let Some(controls) = document.controls {
+        plan = plan.with_controls(controls).map_err(|error| {
+            let hint = error.hint().unwrap_or(hint);
+            InputError::new(source, error.to_string()).hint(hint)
+        })?;
+    }
     check_digest(source, "plan_digest", named, "the paths have", || {
         plan.digest()
     })?;
@@ -91,6 +99,7 @@ struct Document {
     planner: Option<String>,
     plan_digest: Option<Digest>,
     paths: Paths<TrajectoryPlan>,
+    controls: Option<ControlPlan>,
 }
 
 fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
@@ -160,6 +169,17 @@ pub fn write_trajectories(file: &TrajectoryFile) -> Vec<u8> {
             push_list(text, numbers.into_iter().flatten(), push_number);
         });
     });
+    if let Some(controls) = file.plan.controls() {
+        let agents = (0..controls.agents()).map(|agent| controls.of(agent));
+        text.push_str(",\n");
+        push_lines(&mut text, "controls", agents, |text, segments| {
+            push_list(text, segments, |text, segment| {
+                let numbers = [segment.duration_s].into_iter();
+                let numbers = numbers.chain(segment.control.iter().copied());
+                push_list(text, numbers, push_number);
+            });
+        });
+    }
     text.push_str("\n}\n");
     text.into_bytes()
 }

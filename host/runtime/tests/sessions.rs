@@ -10,11 +10,11 @@ use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
 };
 use fleetyard_abi::{
-    Assignment, Budget, Capabilities, Capability, Descriptor, Environment, FleetState, FleetStatus,
-    Footprint, Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, Knot, KnotPlan, Lists,
-    LogLevel, Motion, Mover, Objective, Part, PathEncoding, Plan, Request, RoadmapEnvironment,
-    Robot, SharedEnvironment, State, Status, Task, View, Visit, VisitPlan, WorkspaceEnvironment, c,
-    serve,
+    Assignment, Budget, Capabilities, Capability, ControlPlan, Descriptor, Environment, FleetState,
+    FleetStatus, Footprint, Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, Knot,
+    KnotPlan, Lists, LogLevel, Motion, MotionPlan, Mover, Objective, Part, PathEncoding, Plan,
+    Request, RoadmapEnvironment, Robot, SharedEnvironment, State, Status, Task, View, Visit,
+    VisitPlan, WorkspaceEnvironment, c, serve,
 };
 use fleetyard_core::OFF_MAP;
 use fleetyard_runtime::{
@@ -376,6 +376,10 @@ fn floor() -> Sample {
     ]
     .into_iter()
     .collect();
+    let mut controls = ControlPlan::default();
+    let segments = [(0.25, [2.0, -0.5]), (1.0 / 7.0, [0.0, 0.1])];
+    controls.push_agent(segments).expect("of one length");
+    controls.push_agent::<[f64; 0]>([]).expect("none");
     let square = vec![[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]];
     let square = Footprint {
         radius_m: 0.3,
@@ -393,10 +397,14 @@ fn floor() -> Sample {
             radius_m: 0.3,
             goal_tolerance_m: 0.05,
             goal_tolerance_rad: 0.1,
+            goal_tolerance_rate: 0.2,
+            dynamics_tolerance: 0.3,
             parts: parts(),
             ..Instance::default()
         },
-        plan: knots.into(),
+        plan: MotionPlan::new(knots, controls)
+            .expect("of two agents")
+            .into(),
     }
 }
 

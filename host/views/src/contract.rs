@@ -1,12 +1,16 @@
 //! Views as planners are given them through the contract, and the way back of their plans.
 
+use fleetyard_abi::convert::wrong_agents;
 use fleetyard_abi::{
-    Environment, Footprint, GridEnvironment, Instance, KnotPlan, Limit, Lists, Motion, Mover, Plan,
-    RoadmapEnvironment, Robot, SharedEnvironment, State, VisitPlan, WorkspaceEnvironment,
+    Environment, Footprint, GridEnvironment, Instance, KnotPlan, Limit, Lists, Motion, MotionPlan,
+    Mover, Plan, RoadmapEnvironment, Robot, SharedEnvironment, State, VisitPlan,
+    WorkspaceEnvironment,
 };
-use fleetyard_check::Pace;
-use fleetyard_core::{Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan};
-use fleetyard_world::{Boundary, Dynamics, Shape, Travel, Workspace};
+use fleetyard_check::{MOST_DRIVEN_KNOTS, Pace};
+use fleetyard_core::{
+    Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan, check_controls,
+};
+use fleetyard_world::{Boundary, ControlModel, Dynamics, Shape, Travel, Workspace};
 
 use crate::judge::{GridTerms, Judged};
 use crate::{GridView, Problem, RoadmapView, View};
@@ -118,8 +122,8 @@ impl View {
                 let judged = view.judge(problem, &plan, terms.pace, limit);
                 judged.map_err(|error: InputError| error.to_string())
             }
-            (Self::Continuous, Plan::Trajectories(knots)) => {
-                Ok(problem.judge(&trajectories_of(knots)?, limit))
+            (Self::Continuous, Plan::Trajectories(motions)) => {
+                Ok(problem.judge(&problem.motions(motions)?, limit))
             }
             _ => Err(format!(
                 "the plan has the form `{}`, which is none for a view of the representation `{}`",
@@ -142,7 +146,7 @@ pub fn visits_of(visits: &VisitPlan) -> Result<RoadmapPlan, String> {
 
 /// Knots of a planner as a plan, or the reason why they are none. Where one robot has headings,
 /// those of the others are 0.
-pub fn trajectories_of(knots: &KnotPlan) -> Result<TrajectoryPlan, String> {
+fn trajectories_of(knots: &KnotPlan) -> Result<TrajectoryPlan, String> {
     let turns = knots.items().iter().any(|knot| !knot.heading_rad.is_nan());
     let mut plan = TrajectoryPlan::with_capacity(knots.len(), knots.items().len());
     for path in knots.iter() {
@@ -235,22 +239,69 @@ fn footprint(shape: &Shape) -> Footprint {
 }
 
 impl Problem {
-    fn instance(&self, radius_m: f64) -> Instance {
+    /// The kinds of robots as planners are told them.
+    pub(crate) fn robots(&self) -> Vec<Robot> {
         let profiles = self.fleet.profiles().iter().zip(self.fleet.shapes());
-        let robots: Vec<Robot> = profiles
+        profiles
             .enumerate()
             .map(|(kind, (profile, shape))| {
                 robot(&self.kind_name(kind), shape, profile.model.dynamics())
             })
-            .collect();
-        let state = |agent: usize, at: crate::State, any: f64| {
-            let robot = &robots[self.fleet.profile_of()[agent] as usize];
-            let mut numbers = vec![0.0; robot.state_limits.len()];
-            (numbers[0], numbers[1]) = (at.x_m, at.y_m);
-            if robot.has_heading {
-                numbers[2] = at.heading_rad.unwrap_or(any);
+            .collect()
+    }
+
+    /// The state of a robot of an agent that rests at a place, with `any` as its heading where the task
+    /// gives none.
+    pub(crate) fn state(robot: &Robot, at: crate::State, any: f64) -> State {
+        let mut numbers = vec![0.0; robot.state_limits.len()];
+        (numbers[0], numbers[1]) = (at.x_m, at.y_m);
+        if robot.has_heading {
+            numbers[2] = at.heading_rad.unwrap_or(any);
+        }
+        State(numbers)
+    }
+
+    /// The motions of a planner as a plan, or the reason why they are none: an agent with controls
+    /// alone moves from its start as they lead it.
+    pub fn motions(&self, plan: &MotionPlan) -> Result<TrajectoryPlan, String> {
+        let Some(controls) = plan.controls() else {
+            return trajectories_of(plan.knots());
+        };
+        let (agents, robots) = (self.task.agents.len(), self.robots());
+        if plan.agents() != agents {
+            return Err(wrong_agents(plan.agents(), agents));
+        }
+        check_controls(controls).map_err(|error| error.to_string())?;
+        let mut room = MOST_DRIVEN_KNOTS;
+        let mut knots = KnotPlan::with_capacity(agents, plan.knots().items().len());
+        for (agent, own) in plan.knots().iter().enumerate() {
+            if !own.is_empty() {
+                knots.push(own.iter().copied());
+                continue;
             }
-            State(numbers)
+            let robot = &robots[self.fleet.profile_of()[agent] as usize];
+            let start = Self::state(robot, self.task.agents[agent].start, 0.0);
+            let wrong = |error| format!("the controls of agent {agent} lead nowhere: {error}");
+            let model = ControlModel::new(robot).map_err(wrong)?;
+            let driven = model
+                .drive(&start.0, controls.of(agent), room)
+                .map_err(wrong)?;
+            room = room.saturating_sub(driven.knots.len());
+            knots.push(driven.knots.iter().map(|knot| fleetyard_abi::Knot {
+                time_s: knot.time_s,
+                x_m: knot.x_m,
+                y_m: knot.y_m,
+                heading_rad: knot.heading_rad.unwrap_or(f64::NAN),
+            }));
+        }
+        let plan = trajectories_of(&knots)?.with_controls(controls.clone());
+        plan.map_err(|error| error.to_string())
+    }
+
+    fn instance(&self, radius_m: f64) -> Instance {
+        let robots = self.robots();
+        let state = |agent: usize, at: crate::State, any: f64| {
+            Self::state(&robots[self.fleet.profile_of()[agent] as usize], at, any)
         };
         let agents = self.task.agents.iter().enumerate();
         let goal = |(number, agent): (usize, &crate::Agent)| [state(number, agent.goal, f64::NAN)];
@@ -269,6 +320,8 @@ impl Problem {
             radius_m,
             goal_tolerance_m: self.task.goal_tolerance_m,
             goal_tolerance_rad: self.task.goal_tolerance_rad,
+            goal_tolerance_rate: self.task.goal_tolerance_rate,
+            dynamics_tolerance: self.task.dynamics_tolerance,
             robots,
             ..Instance::default()
         }

@@ -10,18 +10,18 @@
 //! than r_com may be clear of each other in the world where the discs of the view are not.
 
 use fleetyard_check::{
-    ContinuousTask, ContinuousVerdict, Near, Pace, RoadmapTask, RoadmapVerdict, Terms, Tolerance,
-    TravelCosts, Verdict, validate_roadmap, validate_terms, validate_trajectories,
+    ContinuousTask, ContinuousVerdict, ControlTask, Near, Pace, RoadmapTask, RoadmapVerdict, Terms,
+    Tolerance, TravelCosts, Verdict, validate_roadmap, validate_terms, validate_trajectories,
 };
 use fleetyard_core::{
     GridPlan, InputError, Knot, RoadmapPlan, RoadmapPlanError, Separation, TrajectoryError,
     TrajectoryPlan,
 };
 use fleetyard_world::exact::Obstacles;
-use fleetyard_world::{Dynamics, Footprint, Pose, Shape};
+use fleetyard_world::{ControlModel, Dynamics, Footprint, Pose, Shape};
 use serde::Serialize;
 
-use crate::{GridSpec, GridView, Problem, RoadmapView, State, cell_side_m};
+use crate::{Agent, GridSpec, GridView, Problem, RoadmapView, State, cell_side_m};
 
 /// The verdicts on a plan side by side, and its costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -226,7 +226,32 @@ impl Problem {
     /// task gives no heading any is right.
     pub fn judge(&self, plan: &TrajectoryPlan, limit: usize) -> Judged {
         let agents = &self.task.agents;
+        let robots = self.robots();
+        let kinds = self.fleet.profile_of();
+        let models: Vec<Option<ControlModel>> = robots
+            .iter()
+            .map(|robot| ControlModel::new(robot).ok())
+            .collect();
+        let states = |pick: fn(&Agent) -> State, any: &dyn Fn(usize) -> f64| {
+            let state = |(number, agent): (usize, &Agent)| {
+                let robot = &robots[kinds[number] as usize];
+                Self::state(robot, pick(agent), any(number)).0
+            };
+            agents.iter().enumerate().map(state).collect()
+        };
+        let first = |agent: usize| {
+            let planned = (agent < plan.agents()).then(|| plan.knots(agent).get(0).heading_rad);
+            planned.flatten().unwrap_or(0.0)
+        };
         let aims = Aims {
+            models: kinds
+                .iter()
+                .map(|kind| models[*kind as usize].as_ref())
+                .collect(),
+            start_states: states(|agent| agent.start, &first),
+            goal_states: states(|agent| agent.goal, &|_| f64::NAN),
+            goal_rate: self.task.goal_tolerance_rate,
+            beside_knots: self.task.dynamics_tolerance,
             starts: self.poses(plan, |agent| agents[agent].start, |knots| knots[0]),
             goals: self.poses(
                 plan,
@@ -273,7 +298,7 @@ impl Problem {
     fn judge_footprints(
         &self,
         plan: &TrajectoryPlan,
-        aims: Option<&Aims>,
+        aims: Option<&Aims<'_>>,
         limit: usize,
     ) -> ContinuousVerdict {
         let own = self.fleet.shapes();
@@ -289,6 +314,13 @@ impl Problem {
                 starts: Some(&aims.starts),
                 goals: Some(&aims.goals),
                 limits: Some(&aims.limits),
+                controls: Some(ControlTask {
+                    models: &aims.models,
+                    starts: &aims.start_states,
+                    goals: &aims.goal_states,
+                    tolerance: aims.beside_knots,
+                    goal_rate: aims.goal_rate,
+                }),
                 tolerance: aims.tolerance,
                 ..footprints
             },
@@ -298,7 +330,12 @@ impl Problem {
 }
 
 /// The demands of a task on plans in the plane, beside footprints.
-struct Aims {
+struct Aims<'a> {
+    models: Vec<Option<&'a ControlModel>>,
+    start_states: Vec<Vec<f64>>,
+    goal_states: Vec<Vec<f64>>,
+    goal_rate: f64,
+    beside_knots: f64,
     starts: Vec<Pose>,
     goals: Vec<Pose>,
     limits: Vec<Dynamics>,

@@ -75,8 +75,17 @@ pub struct Task {
     pub goal_tolerance_m: f64,
     /// The same of its heading, in radians.
     pub goal_tolerance_rad: f64,
+    /// The same of each rate, where controls say it.
+    pub goal_tolerance_rate: f64,
+    /// How far controls may lead beside knots of the same plan, in metres and in radians.
+    pub dynamics_tolerance: f64,
     /// Seed of everything random that is derived from the task.
     pub seed: u64,
+}
+
+impl Task {
+    /// How far controls may lead beside knots where a task does not say it.
+    pub const BESIDE_KNOTS: f64 = 1e-3;
 }
 
 /// The world of a task. Files are named from the folder of the task.
@@ -198,6 +207,8 @@ struct Document {
     _agents: IgnoredAny,
     goal_tolerance_m: Option<Positive>,
     goal_tolerance_rad: Option<Positive>,
+    goal_tolerance_rate: Option<Positive>,
+    dynamics_tolerance: Option<Positive>,
     #[serde(default)]
     seed: u64,
 }
@@ -289,6 +300,10 @@ pub fn read_task(source: &str, bytes: &[u8]) -> Result<Task, InputError> {
         agents,
         goal_tolerance_m: tolerance(document.goal_tolerance_m),
         goal_tolerance_rad: tolerance(document.goal_tolerance_rad),
+        goal_tolerance_rate: tolerance(document.goal_tolerance_rate),
+        dynamics_tolerance: document
+            .dynamics_tolerance
+            .map_or(Task::BESIDE_KNOTS, |value| value.0),
         seed: document.seed,
     })
 }
@@ -372,10 +387,14 @@ pub fn write_task(task: &Task) -> Vec<u8> {
     for (name, tolerance) in [
         ("goal_tolerance_m", task.goal_tolerance_m),
         ("goal_tolerance_rad", task.goal_tolerance_rad),
+        ("goal_tolerance_rate", task.goal_tolerance_rate),
     ] {
         if tolerance != DYNAMICS_TOLERANCE {
             key(name, json!(tolerance));
         }
+    }
+    if task.dynamics_tolerance != Task::BESIDE_KNOTS {
+        key("dynamics_tolerance", json!(task.dynamics_tolerance));
     }
     key("seed", json!(task.seed));
     let kinds = match &task.fleet {
@@ -523,6 +542,12 @@ impl Problem {
         }
         hasher.f64(self.task.goal_tolerance_m);
         hasher.f64(self.task.goal_tolerance_rad);
+        let of_controls = [self.task.goal_tolerance_rate, self.task.dynamics_tolerance];
+        if of_controls != [DYNAMICS_TOLERANCE, Task::BESIDE_KNOTS] {
+            for tolerance in of_controls {
+                hasher.f64(tolerance);
+            }
+        }
         hasher.finish()
     }
 

@@ -17,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod controls;
 mod dynamics;
 mod enclosing;
 pub mod exact;
@@ -39,6 +40,9 @@ mod swept;
 mod warehouse;
 mod workspace;
 
+pub use controls::{
+    Bounded, CHORD_M, CHORD_RAD, ControlError, ControlExcess, ControlModel, Driven,
+};
 pub use dynamics::{DYNAMICS_TOLERANCE, Demand, Dynamics, Excess, LONGEST_SAMPLE_S, Travel};
 pub use footprint::{Footprint, FootprintError};
 pub use geometry::{Inside, Relative};

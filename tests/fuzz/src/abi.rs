@@ -722,6 +722,10 @@ unsafe fn submit_plan(sink: *const c::Sink, line: &Line, lines: &[Line]) {
             } else {
                 headings
             };
+            let knots = || knots(begins, [times, xs, ys, headings]);
+            let Some((controls, plan)) = controls(&mut memory, line, knots) else {
+                return;
+            };
             let raw = c::Trajectories {
                 struct_size: 0,
                 reserved: body_reserved,
@@ -729,13 +733,9 @@ unsafe fn submit_plan(sink: *const c::Sink, line: &Line, lines: &[Line]) {
                 x_m,
                 y_m,
                 heading_rad,
+                ..controls
             };
-            body(
-                &mut memory,
-                line,
-                raw,
-                knots(begins, [times, xs, ys, headings]),
-            )
+            body(&mut memory, line, raw, plan)
         }
         _ => (nothing(), None),
     };
@@ -776,7 +776,43 @@ fn visits(
     Some(Lists::from_flat(begins?, visits.map(visit).collect())?.into())
 }
 
-fn knots(begins: Option<Vec<u64>>, columns: [Option<Vec<f64>>; 4]) -> Option<Plan> {
+/// The columns of controls, and the plan if the host may take it. None if the host would believe
+/// more than there can be.
+fn controls(
+    memory: &mut Memory,
+    line: &Line,
+    knots: impl FnOnce() -> Option<KnotPlan>,
+) -> Option<(c::Trajectories, Option<Plan>)> {
+    // SAFETY: zeros are a value of the structure.
+    let mut raw: c::Trajectories = unsafe { std::mem::zeroed() };
+    if !line.1.contains_key("segments") {
+        return Some((raw, knots().map(Plan::from)));
+    }
+    let mut lists = |name: &str, numbers: &str| {
+        let (offsets, begins) = offsets(memory, line, name)?;
+        let len = begins
+            .as_ref()
+            .map(|begins| begins[AGENTS as usize] as usize);
+        let (items, read) = column(memory, line, numbers, len);
+        let read = read.filter(|numbers| all_finite(numbers));
+        let read = begins.zip(read);
+        let read = read.and_then(|(begins, read)| Lists::from_flat(begins, read));
+        Some((offsets, items, read))
+    };
+    let (segment_offsets, duration_s, durations) = lists("segments", "duration_s")?;
+    let (control_offsets, controls, numbers) = lists("control_offsets", "controls")?;
+    raw.segment_offsets = segment_offsets;
+    raw.duration_s = duration_s;
+    raw.control_offsets = control_offsets;
+    raw.controls = controls;
+    let plan = || {
+        let controls = ControlPlan::new(durations?, numbers?).ok()?;
+        Some(MotionPlan::new(knots()?, controls)?.into())
+    };
+    Some((raw, plan()))
+}
+
+fn knots(begins: Option<Vec<u64>>, columns: [Option<Vec<f64>>; 4]) -> Option<KnotPlan> {
     let [times, xs, ys, headings] = columns;
     let [times, xs, ys] = [times?, xs?, ys?];
     // A robot without a heading has none in any of its knots.
@@ -789,7 +825,7 @@ fn knots(begins: Option<Vec<u64>>, columns: [Option<Vec<f64>>; 4]) -> Option<Pla
     };
     let finite = all_finite(&times) && all_finite(&xs) && all_finite(&ys);
     let knots = finite.then(|| (0..times.len()).map(knot).collect())?;
-    Some(Lists::from_flat(begins?, knots)?.into())
+    Lists::from_flat(begins?, knots)
 }
 
 unsafe fn submit_request(sink: *const c::Sink, line: &Line, lines: &[Line]) {
@@ -1231,8 +1267,12 @@ pub(super) fn is_same_plan(plan: &Plan, other: &Plan) -> bool {
         };
         [knot.time_s, knot.x_m, knot.y_m, heading_rad].map(f64::to_bits)
     };
+    let (controls, others_controls) = (knots.controls(), others.controls());
+    let (knots, others) = (knots.knots(), others.knots());
     let items = knots.items().iter().map(bits);
-    knots.offsets() == others.offsets() && items.eq(others.items().iter().map(bits))
+    knots.offsets() == others.offsets()
+        && items.eq(others.items().iter().map(bits))
+        && controls == others_controls
 }
 
 // ---- There and back ----------------------------------------------------------------

@@ -592,7 +592,7 @@ mod server {
                     }
                     View::Workspace(_) => {
                         let knots = instance.start_states.iter().map(|state| [knot((0, state))]);
-                        Plan::Trajectories(knots.collect())
+                        knots.collect::<KnotPlan>().into()
                     }
                 }
             };

@@ -228,6 +228,8 @@ typedef struct FleetyardInstance {
   double radius_m;
   double goal_tolerance_m;
   double goal_tolerance_rad;
+  double goal_tolerance_rate;
+  double dynamics_tolerance;
   struct FleetyardParts parts;
 } FleetyardInstance;
 typedef struct FleetyardPlan {
@@ -258,6 +260,10 @@ typedef struct FleetyardTrajectories {
   const double *x_m;
   const double *y_m;
   const double *heading_rad;
+  const uint64_t *segment_offsets;
+  const double *duration_s;
+  const uint64_t *control_offsets;
+  const double *controls;
 } FleetyardTrajectories;
 typedef struct FleetyardAssignment {
   uint64_t task;

@@ -192,7 +192,8 @@ static void end(Plan *plan) {
 static int32_t submit(const Plan *plan, int32_t form, uint32_t agents, const FleetyardSink *sink) {
   FleetyardCells cells = {sizeof cells, 0, plan->places};
   FleetyardVisits visits = {sizeof visits, 0, plan->places, plan->a, plan->b};
-  FleetyardTrajectories knots = {sizeof knots, 0, plan->a, plan->b, plan->c, NULL};
+  FleetyardTrajectories knots = {sizeof knots, 0,    plan->a, plan->b, plan->c,
+                                 NULL,         NULL, NULL,    NULL,    NULL};
   const void *bodies[] = {NULL, &cells, &visits, &knots};
   FleetyardPlan whole = {sizeof whole, agents, form, 0, plan->offsets, bodies[form], {NULL, 0}};
   return sink->submit_plan(sink->context, &whole) == FLEETYARD_OK

@@ -16,7 +16,7 @@ use fleetyard_core::{
 };
 use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Picture, World};
-use fleetyard_views::{Problem, Representation, View, load_problem, trajectories_of, visits_of};
+use fleetyard_views::{Problem, Representation, View, load_problem, visits_of};
 
 use super::simulate::Sinks;
 use super::task::{ViewArgs, claimed};
@@ -290,8 +290,8 @@ fn save(
                     save_roadmap_plan(&file, path)?;
                 }
             }
-            (View::Continuous, Plan::Trajectories(knots)) => {
-                if let Ok(plan) = trajectories_of(knots) {
+            (View::Continuous, Plan::Trajectories(motions)) => {
+                if let Ok(plan) = asked.problem.motions(motions) {
                     let file = TrajectoryFile {
                         source,
                         planner,

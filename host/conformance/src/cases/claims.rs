@@ -5,7 +5,7 @@ use fleetyard_core::Connectivity;
 use serde_json::{Map, json};
 
 use super::answers::{CORRIDOR, CROSSING, Drawing, FOLLOWING, WALL, at_least, draw, impossible};
-use super::places::{two_bodies, two_gaps};
+use super::places::{two_bodies, two_dynamics, two_gaps};
 use crate::judge::Arrival;
 use crate::scene::{RADIUS_M, Scene};
 use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
@@ -247,6 +247,9 @@ pub(crate) fn heterogeneous(trial: &mut Trial<'_>) -> Step<()> {
     if trial.claims(Capability::Continuous) {
         trial.solve(&two_gaps())?;
         trial.solve(&two_bodies())?;
+        if let Some(scene) = two_dynamics(trial) {
+            trial.solve(&scene)?;
+        }
     }
     Ok(())
 }

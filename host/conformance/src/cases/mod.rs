@@ -192,8 +192,8 @@ cases! {
     "agents without a goal, one of them in the way of another one: it makes room",
     claims::idle_agents;
     "heterogeneous", PLANNER, &[Capability::Heterogeneous],
-    "discs of two sizes in one team, a gap that only the smaller one fits through, and a disc \
-     beside a rectangle",
+    "discs of two sizes in one team, a gap that only the smaller one fits through, a disc beside a \
+     rectangle, and two dynamics",
     claims::heterogeneous;
     "roadmap-one", PLANNER, &[Capability::Roadmap],
     "one robot on a roadmap: the shortest way by length, and edges that lead one way",
@@ -219,9 +219,12 @@ cases! {
     "workspace-mover", PLANNER, &[Capability::Continuous],
     "an obstacle that moves across the way",
     places::workspace_mover;
-    "dynamics", PLANNER, &[Capability::Continuous, Capability::Dynamics],
-    "discs that keep to their speed",
-    places::dynamics;
+    "limits", PLANNER, &[Capability::Continuous, Capability::Dynamics],
+    "discs that keep to their limits, of each of the dynamics that it lists",
+    places::limits;
+    "controls", PLANNER, &[Capability::Continuous, Capability::Dynamics],
+    "controls lead to the knots and the goal, and keep to limits, straight and round a block",
+    places::controls;
     "deterministic", MAPS, &[Capability::Deterministic],
     "two fresh starts, the same question and seed: the same answer",
     claims::deterministic;

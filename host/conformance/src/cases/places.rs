@@ -2,13 +2,13 @@
 
 use std::f64::consts::SQRT_2;
 
-use fleetyard_abi::{Motion, Robot};
+use fleetyard_abi::{Motion, Plan, Robot};
 
 use super::answers::{PASSING_BAY, draw};
 use super::claims::round_the_block;
 use crate::question::Representation;
 use crate::scene::roadmap::{RoadmapScene, Sketch};
-use crate::scene::workspace::{SINGLE_INTEGRATOR, WorkspaceScene, disc, limited, rectangle};
+use crate::scene::workspace::{WorkspaceScene, disc, moved_by, rectangle};
 use crate::trial::{Expectation, Step, Stop, Trial};
 
 /// Distance of centres in the sketches.
@@ -138,23 +138,65 @@ pub(crate) fn workspace_mover(trial: &mut Trial<'_>) -> Step<()> {
     Ok(())
 }
 
-pub(crate) fn dynamics(trial: &mut Trial<'_>) -> Step<()> {
-    let feature = format!("dynamics:{SINGLE_INTEGRATOR}");
-    if !trial.descriptor().features.contains(&feature) {
-        return Err(Stop::Skipped(format!(
-            "the plugin does not list `{feature}`, which is what the kit can judge"
-        )));
+/// The dynamics that a planner lists, or the reason why cases about them are not for it.
+fn listed(trial: &Trial<'_>) -> Step<Vec<&'static str>> {
+    let listed = trial.dynamics();
+    if listed.is_empty() {
+        return Err(Stop::Skipped(
+            "the plugin lists no `dynamics:NAME` that the host can judge".into(),
+        ));
     }
-    for speed_m_per_s in [0.5, 2.0] {
-        let slow = limited(disc(DISC_M), speed_m_per_s);
-        let name = format!("{speed_m_per_s} m/s");
-        let agents = vec![
-            (slow.clone(), [1.0, 2.0], [5.0, 2.0]),
-            (slow, [3.0, 0.5], [3.0, 3.5]),
-        ];
-        trial.solve(&WorkspaceScene::new(&name, FLOOR_M, &[], agents))?;
+    Ok(listed)
+}
+
+/// Two discs that cross, as fast as they may be.
+pub(crate) fn limits(trial: &mut Trial<'_>) -> Step<()> {
+    for name in listed(trial)? {
+        for speed_m_per_s in [0.5, 2.0] {
+            let slow = moved_by(disc(DISC_M), name, speed_m_per_s);
+            let title = format!("{name} at {speed_m_per_s} m/s");
+            let agents = vec![
+                (slow.clone(), [1.0, 2.0], [5.0, 2.0]),
+                (slow, [3.0, 0.5], [3.0, 3.5]),
+            ];
+            trial.solve(&WorkspaceScene::new(&title, FLOOR_M, &[], agents))?;
+        }
     }
     Ok(())
+}
+
+/// Courses with bends. Wherever a plan has controls they are judged; here there have to be some.
+pub(crate) fn controls(trial: &mut Trial<'_>) -> Step<()> {
+    let block = [[2.5, 0.0, 3.5, 2.4]];
+    let mut found = false;
+    for name in listed(trial)? {
+        let robot = moved_by(disc(DISC_M), name, 1.0);
+        for (title, obstacles) in [("along", &[][..]), ("round a block", &block)] {
+            let title = format!("{name} {title}");
+            let answer = trial.solve(&one(&title, obstacles, robot.clone()))?;
+            let motions = answer.plans().iter().filter_map(|plan| match plan {
+                Plan::Trajectories(motions) => motions.controls(),
+                _ => None,
+            });
+            found |= motions.count() > 0;
+        }
+    }
+    if found || trial.is_ignorant() {
+        return Ok(());
+    }
+    Err(Stop::Skipped("its plans have no controls".into()))
+}
+
+/// A pair of discs with different dynamics, if the planner lists several.
+pub(crate) fn two_dynamics(trial: &Trial<'_>) -> Option<WorkspaceScene> {
+    let [first, second, ..] = trial.dynamics()[..] else {
+        return None;
+    };
+    let agents = vec![
+        (moved_by(disc(DISC_M), first, 1.0), [1.0, 2.0], [5.0, 2.0]),
+        (moved_by(disc(DISC_M), second, 1.0), [3.0, 0.5], [3.0, 3.5]),
+    ];
+    Some(WorkspaceScene::new("two dynamics", FLOOR_M, &[], agents))
 }
 
 /// A body with a heading and one without cross.

@@ -1,26 +1,38 @@
 //! Scenes in the plane.
 
 use fleetyard_abi::{
-    Environment, Footprint, Instance, KnotPlan, Lists, Motion, Mover, Plan, Request, Robot,
+    Environment, Footprint, Instance, Lists, Motion, MotionPlan, Mover, Plan, Request, Robot,
     SharedEnvironment, State, WorkspaceEnvironment,
 };
 use fleetyard_check::{
-    ContinuousRule, ContinuousTask, Near, Tolerance, TravelCosts, validate_trajectories,
+    ContinuousRule, ContinuousTask, ControlTask, MOST_DRIVEN_KNOTS, Near, Tolerance, TravelCosts,
+    validate_trajectories,
 };
-use fleetyard_core::{Knot, TrajectoryPlan};
+use fleetyard_core::{Knot, TrajectoryPlan, check_controls};
 use fleetyard_world::exact::Obstacles;
-use fleetyard_world::{Bounds, Dynamics, Polygon, Pose, Shape, Travel, Workspace};
+use fleetyard_world::{Bounds, ControlModel, Dynamics, Polygon, Pose, Shape, Workspace};
 
 use super::{RADIUS_M, Scene, middle_m};
 use crate::judge::{Arrival, Rules, VIOLATIONS, other_form};
 use crate::question::Question;
 use crate::trial::Step;
 
-/// The dynamics that the kit can judge: robots that set out, turn and stop in no time.
-pub(crate) const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
+/// The dynamics that the host can judge. Planners that know several are asked about the first unless
+/// a case is about others.
+pub(crate) const DYNAMICS: [&str; 7] = [
+    "fleetyard.single-integrator/1",
+    "fleetyard.double-integrator/1",
+    "fleetyard.unicycle/1",
+    "fleetyard.differential-drive/1",
+    "fleetyard.holonomic/1",
+    "fleetyard.unicycle-2/1",
+    "fleetyard.holonomic-2/1",
+];
 
 const GOAL_TOLERANCE_M: f64 = 0.05;
 const GOAL_TOLERANCE_RAD: f64 = 0.1;
+const GOAL_TOLERANCE_RATE: f64 = 0.02;
+const BESIDE_KNOTS: f64 = 0.01;
 
 /// An instance in the plane, with a name.
 #[derive(Debug, Clone)]
@@ -64,17 +76,58 @@ pub(super) fn robot(footprint: Footprint, has_heading: bool) -> Robot {
     }
 }
 
-/// The same robot, no faster than this in any direction.
-pub(crate) fn limited(robot: Robot, speed_m_per_s: f64) -> Robot {
-    let mut robot = Robot {
-        dynamics: SINGLE_INTEGRATOR.into(),
-        polar_control: true,
-        ..robot
+/// The same robot with dynamics of this name, and limits: at most so fast ahead, in m/s.
+pub(crate) fn moved_by(robot: Robot, dynamics: &str, speed_m_per_s: f64) -> Robot {
+    let speed = [Some(-speed_m_per_s), Some(speed_m_per_s)];
+    let ([slow, turn], [push, twist]) = (
+        [0.5 * speed_m_per_s, 1.5].map(|most| [Some(-most), Some(most)]),
+        [2.0, 4.0].map(|most| [Some(-most), Some(most)]),
+    );
+    let turns_axes = !dynamics.contains("integrator");
+    let has_heading = robot.has_heading || turns_axes;
+    let sideways = !dynamics.contains("unicycle") && !dynamics.contains("drive");
+    let rates = [
+        Some(speed),
+        sideways.then_some(if turns_axes { slow } else { speed }),
+        has_heading.then_some(turn),
+    ];
+    let changes = [
+        Some(push),
+        sideways.then_some(push),
+        has_heading.then_some(twist),
+    ];
+    let pose = [
+        Some([None; 2]),
+        Some([None; 2]),
+        has_heading.then_some([None; 2]),
+    ];
+    let is_second = dynamics.contains("double-") || dynamics.contains("-2/");
+    let (state, control) = if is_second {
+        (pose.into_iter().chain(rates).flatten().collect(), changes)
+    } else {
+        (pose.into_iter().flatten().collect(), rates)
     };
-    for limits in robot.control_limits.iter_mut().take(2) {
-        *limits = [Some(-speed_m_per_s), Some(speed_m_per_s)];
+    Robot {
+        dynamics: dynamics.into(),
+        has_heading,
+        polar_control: dynamics == DYNAMICS[0],
+        state_limits: state,
+        control_limits: control.into_iter().flatten().collect(),
+        parameters: if dynamics.contains("drive") {
+            // The track, and what the wheels do at full speed in a gentle bend.
+            vec![0.4, 1.1 * speed_m_per_s]
+        } else {
+            Vec::new()
+        },
+        ..robot
     }
-    robot
+}
+
+/// The state of a robot that rests, headed along x.
+fn at_rest(robot: &Robot, at: [f64; 2]) -> State {
+    let mut numbers = at.to_vec();
+    numbers.resize(robot.state_limits.len(), 0.0);
+    State(numbers)
 }
 
 /// Corners of a rectangle from its lower left to its upper right corner.
@@ -106,11 +159,7 @@ impl WorkspaceScene {
             crowded: false,
         };
         for (robot, start, goal) in agents {
-            let state = |at: [f64; 2]| {
-                // Headed along x.
-                let numbers = at.into_iter().chain([0.0]);
-                State(numbers.take(robot.state_limits.len()).collect())
-            };
+            let state = |at: [f64; 2]| at_rest(&robot, at);
             scene.starts.push(state(start));
             scene.goals.push(vec![state(goal)]);
             let known = scene.robots.iter().position(|known| *known == robot);
@@ -219,33 +268,12 @@ fn of_world(footprint: &Footprint) -> fleetyard_world::Footprint {
     fleetyard_world::Footprint::Polygon { vertices_m }
 }
 
-/// The limits of a robot; of dynamics that the kit does not know there are none.
-fn dynamics(robot: &Robot) -> Dynamics {
-    let most = |control: usize| {
-        let limit = robot
-            .control_limits
-            .get(control)
-            .and_then(|limits| limits[1]);
-        limit
-            .filter(|_| robot.dynamics == SINGLE_INTEGRATOR)
-            .unwrap_or(f64::INFINITY)
-    };
-    Dynamics {
-        travel: Travel::Polar {
-            speed: most(0),
-            acceleration: f64::INFINITY,
-        },
-        turn_rad_per_s: most(2),
-        turn_acceleration_rad_per_s2: f64::INFINITY,
-    }
-}
-
-fn pose(State(numbers): &State) -> Pose {
+fn pose(State(numbers): &State, robot: &Robot) -> Pose {
     let number = |at: usize| numbers.get(at).copied().filter(|number| !number.is_nan());
     Pose::new(
         number(0).unwrap_or(0.0),
         number(1).unwrap_or(0.0),
-        number(2).unwrap_or(0.0),
+        number(2).filter(|_| robot.has_heading).unwrap_or(0.0),
     )
 }
 
@@ -270,6 +298,8 @@ impl Question for WorkspaceScene {
             motion: Motion::Dynamics,
             radius_m: radii.fold(0.0, f64::max),
             goal_tolerance_m: GOAL_TOLERANCE_M,
+            goal_tolerance_rate: GOAL_TOLERANCE_RATE,
+            dynamics_tolerance: BESIDE_KNOTS,
             goal_tolerance_rad: if has_headings {
                 GOAL_TOLERANCE_RAD
             } else {
@@ -292,26 +322,57 @@ impl Question for WorkspaceScene {
         Ok(Some(Box::new(Self::of(&Scene::pair()?))))
     }
 
+    fn moved_by(&self, dynamics: &'static str) -> Option<Box<dyn Question>> {
+        let is_free = |robot: &Robot| robot.dynamics.is_empty();
+        if !self.robots.iter().any(is_free) {
+            return None;
+        }
+        let mut moved = self.clone();
+        for robot in moved.robots.iter_mut().filter(|robot| is_free(robot)) {
+            *robot = moved_by(robot.clone(), dynamics, 1.0);
+        }
+        let size = |agent: usize| moved.robot(agent).state_limits.len();
+        let sizes: Vec<usize> = (0..moved.starts.len()).map(size).collect();
+        for ((start, goals), size) in moved.starts.iter_mut().zip(&mut moved.goals).zip(sizes) {
+            for State(numbers) in goals.iter_mut().chain([start]) {
+                numbers.resize(size, 0.0);
+            }
+        }
+        Some(Box::new(moved))
+    }
+
+    fn may_be_unknown(&self) -> bool {
+        true
+    }
+
     fn is_crowded(&self) -> bool {
         self.crowded
     }
 
     fn judge(&self, plan: &Plan, rules: Rules) -> Result<f64, String> {
-        let Plan::Trajectories(knots) = plan else {
+        let Plan::Trajectories(motions) = plan else {
             return Err(other_form("trajectories", plan));
         };
-        let plan = self.motions(knots)?;
+        let control_models: Vec<Option<ControlModel>> = self
+            .robots
+            .iter()
+            .map(|robot| ControlModel::new(robot).ok())
+            .collect();
+        let plan = self.motions(motions, &control_models)?;
         let agents = 0..self.starts.len();
-        let models = self
+        let bodies = self
             .robots
             .iter()
             .map(|robot| of_world(&robot.footprint).shape());
-        let models: Vec<Shape> = models
+        let bodies: Vec<Shape> = bodies
             .collect::<Result<_, _>>()
             .map_err(|error| error.to_string())?;
         let model = |agent: usize| self.robot_of.get(agent).copied().unwrap_or(0) as usize;
-        let shapes: Vec<&Shape> = agents.clone().map(|agent| &models[model(agent)]).collect();
-        let starts: Vec<Pose> = self.starts.iter().map(pose).collect();
+        let shapes: Vec<&Shape> = agents.clone().map(|agent| &bodies[model(agent)]).collect();
+        let starts = self.starts.iter().zip(agents.clone());
+        let starts: Vec<Pose> = starts
+            .map(|(start, agent)| pose(start, self.robot(agent)))
+            .collect();
         // Who has no goal may end anywhere.
         let end = |agent: usize| {
             let last = (agent < plan.agents()).then(|| plan.knots(agent));
@@ -327,15 +388,41 @@ impl Question for WorkspaceScene {
         };
         let goals = self.goals.iter().enumerate();
         let goals: Vec<Pose> = goals
-            .map(|(agent, goals)| goals.last().map_or_else(|| end(agent), pose))
+            .map(|(agent, goals)| {
+                let goal = goals.last().map(|goal| pose(goal, self.robot(agent)));
+                goal.unwrap_or_else(|| end(agent))
+            })
             .collect();
-        let limits: Vec<Dynamics> = agents.map(|agent| dynamics(self.robot(agent))).collect();
+        let models = agents.map(|agent| control_models[model(agent)].as_ref());
+        let models: Vec<Option<&ControlModel>> = models.collect();
+        // Of dynamics that the kit does not know there are no limits.
+        let limits: Vec<Dynamics> = models
+            .iter()
+            .map(|model| model.map_or(Dynamics::UNLIMITED, ControlModel::dynamics))
+            .collect();
+        let states = |states: &mut dyn Iterator<Item = Option<&State>>| -> Vec<Vec<f64>> {
+            let numbers = states.map(|state| state.map_or(Vec::new(), |state| state.0.clone()));
+            numbers.collect()
+        };
+        let start_states = states(&mut self.starts.iter().map(Some));
+        let goal_states = states(&mut self.goals.iter().map(|goals| goals.last()));
         let world = self.world()?;
         let obstacles = Obstacles::workspace(&world);
         let task = ContinuousTask {
             starts: Some(&starts),
             goals: (rules.arrival != Arrival::Free).then_some(&goals),
             limits: Some(&limits),
+            controls: Some(ControlTask {
+                models: &models,
+                starts: &start_states,
+                goals: if rules.arrival == Arrival::Free {
+                    &[]
+                } else {
+                    &goal_states
+                },
+                tolerance: BESIDE_KNOTS,
+                goal_rate: GOAL_TOLERANCE_RATE,
+            }),
             tolerance: Tolerance {
                 goal: Near {
                     place_m: GOAL_TOLERANCE_M,
@@ -368,23 +455,52 @@ impl Question for WorkspaceScene {
 }
 
 impl WorkspaceScene {
-    /// The plan as the host keeps it. Where a robot has headings all have, as far as the host is
-    /// concerned: of those without one it does not matter.
-    fn motions(&self, plan: &KnotPlan) -> Result<TrajectoryPlan, String> {
+    /// The plan as the host keeps it, with knots where there are controls alone. Where a robot has
+    /// headings all have, as far as the host is concerned: of those without one it does not matter.
+    fn motions(
+        &self,
+        plan: &MotionPlan,
+        models: &[Option<ControlModel>],
+    ) -> Result<TrajectoryPlan, String> {
         let has_headings = self.robots.iter().any(|robot| robot.has_heading);
-        let mut motions = TrajectoryPlan::with_capacity(plan.len(), Lists::items(plan).len());
-        for (agent, knots) in plan.iter().enumerate() {
+        let knots = plan.knots();
+        let mut motions = TrajectoryPlan::with_capacity(knots.len(), Lists::items(knots).len());
+        for (agent, own) in knots.iter().enumerate() {
+            let driven = match plan.controls() {
+                Some(controls) if own.is_empty() && agent < self.starts.len() => {
+                    let model = self.robot_of.get(agent).copied().unwrap_or(0);
+                    let model = models[model as usize].as_ref();
+                    let model = model.ok_or("controls of a robot that moves in any way")?;
+                    check_controls(controls).map_err(|error| error.to_string())?;
+                    let driven =
+                        model.drive(&self.starts[agent].0, controls.of(agent), MOST_DRIVEN_KNOTS);
+                    let driven = driven.map_err(|error| {
+                        format!("the controls of agent {agent} lead nowhere: {error}")
+                    })?;
+                    driven.knots
+                }
+                _ => Vec::new(),
+            };
             let may_lack = agent >= self.starts.len() || !self.robot(agent).has_heading;
-            let knots = knots.iter().map(|knot| Knot {
+            let given = own.iter().map(|knot| Knot {
                 time_s: knot.time_s,
                 x_m: knot.x_m,
                 y_m: knot.y_m,
-                heading_rad: has_headings.then_some(if may_lack { 0.0 } else { knot.heading_rad }),
+                heading_rad: (!may_lack).then_some(knot.heading_rad),
+            });
+            let knots = given.chain(driven).map(|knot| Knot {
+                heading_rad: has_headings.then(|| knot.heading_rad.unwrap_or(0.0)),
+                ..knot
             });
             motions
                 .push_path(knots)
                 .map_err(|error| error.to_string())?;
         }
-        Ok(motions)
+        match plan.controls() {
+            Some(controls) => motions
+                .with_controls(controls.clone())
+                .map_err(|error| error.to_string()),
+            None => Ok(motions),
+        }
     }
 }

@@ -29,8 +29,8 @@
 //!       - [0.5, 0]
 //! ```
 //!
-//! `result` has an entry per robot with its states, one each 0.1 s. A result does not say
-//! what robots they are of; the number of their coordinates does, for those that move in
+//! `result` has an entry per robot with its states, one each 0.1 s, and the actions between them,
+//! which become controls. They may be missing. A result does not say what robots they are of; the number of their coordinates does, for those that move in
 //! the plane:
 //!
 //! | numbers | a state is | of |
@@ -52,7 +52,7 @@ use super::libmrp::text;
 use super::yaml::Yaml;
 use crate::json::push_number;
 use crate::plan_file::PLAN_MAX_AGENTS;
-use crate::{InputError, Knot, TrajectoryPlan};
+use crate::{ControlPlan, InputError, Knot, TrajectoryPlan};
 
 /// States in a second.
 pub const DYNOBENCH_STATES_PER_S: f64 = 10.0;
@@ -62,6 +62,9 @@ const LONGEST: usize = 64;
 
 /// One robot's states: position, heading if it has one, and the place in the text.
 type States = Vec<((f64, f64), Option<f64>, Marker)>;
+
+/// One robot's states, and its actions in between or none.
+type Motion = (States, Vec<Vec<f64>>);
 
 /// A problem in the plane, as its file says it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -128,26 +131,34 @@ fn covering(low: f64, high: f64) -> (f64, f64) {
 /// Parses a result. `source` is named in errors.
 pub fn read_dynobench(source: &str, bytes: &[u8]) -> Result<TrajectoryPlan, InputError> {
     let mut yaml = Yaml::new(source, text(source, bytes)?)?;
-    let mut robots: Option<Vec<States>> = None;
+    let mut robots: Option<Vec<Motion>> = None;
     let whole = yaml.mapping("a result with the key `result`", |yaml, key, _| {
         if key != "result" {
             return yaml.skip();
         }
         let mut all = Vec::new();
         yaml.list("a list with an entry per robot", |yaml| {
-            let mut states = None;
+            let (mut states, mut actions) = (None, Vec::new());
             let begin = yaml.mapping("an entry with states", |yaml, key, place| {
-                if key == "states" {
-                    states = Some(read_states(yaml, place)?);
-                    Ok(())
-                } else {
-                    yaml.skip()
+                match key {
+                    "states" => states = Some(read_states(yaml, place)?),
+                    "actions" => actions = read_actions(yaml)?,
+                    _ => yaml.skip()?,
                 }
+                Ok(())
             })?;
             if all.len() == PLAN_MAX_AGENTS {
                 return Err(yaml.error(begin, format!("more than {PLAN_MAX_AGENTS} robots")));
             }
-            all.push(states.ok_or_else(|| yaml.error(begin, "the entry has no states"))?);
+            let states = states.ok_or_else(|| yaml.error(begin, "the entry has no states"))?;
+            if !actions.is_empty() && actions.len() + 1 != states.len() {
+                let (actions, states) = (actions.len(), states.len());
+                let reason = format!("{actions} actions do not lead through {states} states");
+                return Err(yaml
+                    .error(begin, reason)
+                    .hint("there is an action from each state to the next, or none at all"));
+            }
+            all.push((states, actions));
             Ok(())
         })?;
         robots = Some(all);
@@ -159,7 +170,7 @@ pub fn read_dynobench(source: &str, bytes: &[u8]) -> Result<TrajectoryPlan, Inpu
             .error(whole, "there are no robots in the result")
             .hint("the planner found no plan"));
     }
-    let plan = into_plan(&yaml, &robots)?;
+    let plan = into_plan(&yaml, whole, &robots)?;
     yaml.finish()?;
     Ok(plan)
 }
@@ -204,11 +215,40 @@ fn read_states(yaml: &mut Yaml<'_>, place: Marker) -> Result<States, InputError>
     Ok(states)
 }
 
-fn into_plan(yaml: &Yaml<'_>, robots: &[States]) -> Result<TrajectoryPlan, InputError> {
-    let turns = robots.iter().any(|states| states[0].1.is_some());
-    let knots = robots.iter().map(Vec::len).sum();
+fn read_actions(yaml: &mut Yaml<'_>) -> Result<Vec<Vec<f64>>, InputError> {
+    let mut actions = Vec::new();
+    yaml.list("a list of actions", |yaml| {
+        let mut action = Vec::with_capacity(2);
+        yaml.list("an action [a, b, …]", |yaml| {
+            let (value, place) = yaml.number("a number")?;
+            if action.len() == LONGEST {
+                return Err(yaml.error(place, "the action has too many numbers"));
+            }
+            action.push(value);
+            Ok(())
+        })?;
+        actions.push(action);
+        Ok(())
+    })?;
+    Ok(actions)
+}
+
+fn into_plan(
+    yaml: &Yaml<'_>,
+    whole: Marker,
+    robots: &[Motion],
+) -> Result<TrajectoryPlan, InputError> {
+    let turns = robots.iter().any(|(states, _)| states[0].1.is_some());
+    let knots = robots.iter().map(|(states, _)| states.len()).sum();
     let mut plan = TrajectoryPlan::with_capacity(robots.len(), knots);
-    for states in robots {
+    let mut controls = ControlPlan::default();
+    for (states, actions) in robots {
+        let segments = actions
+            .iter()
+            .map(|action| (1.0 / DYNOBENCH_STATES_PER_S, action));
+        controls
+            .push_agent(segments)
+            .map_err(|reason| yaml.error(states[0].2, reason))?;
         let mut before = 0.0;
         let path = states
             .iter()
@@ -232,5 +272,6 @@ fn into_plan(yaml: &Yaml<'_>, robots: &[States]) -> Result<TrajectoryPlan, Input
             yaml.error(place, error.to_string())
         })?;
     }
-    Ok(plan)
+    let plan = plan.with_controls(controls);
+    plan.map_err(|error| yaml.error(whole, error.to_string()))
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fleetyard_abi::sdk::{self, Failure, Options, Plugin, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Environment, GridPlan, Instance, Kind, Lists,
-    LogLevel, Plan, PlanRef, Request, RoadmapEnvironment, SharedEnvironment, Status, View,
+    Budget, Capabilities, Capability, Descriptor, Environment, GridPlan, Instance, Kind, KnotPlan,
+    Lists, LogLevel, Plan, PlanRef, Request, RoadmapEnvironment, SharedEnvironment, Status, View,
 };
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_roadmap::plugin::RoadmapPrioritised;
@@ -151,7 +151,7 @@ impl<P> Spoiled<P> {
                 };
                 Plan::Visits(visits.iter().map(path).collect())
             }
-            Plan::Trajectories(knots) => {
+            Plan::Trajectories(motions) => {
                 let path = |path: &[fleetyard_abi::Knot]| {
                     let mut path = path.to_vec();
                     for (number, knot) in path.iter_mut().enumerate() {
@@ -159,7 +159,12 @@ impl<P> Spoiled<P> {
                     }
                     path
                 };
-                Plan::Trajectories(knots.iter().map(path).collect())
+                motions
+                    .knots()
+                    .iter()
+                    .map(path)
+                    .collect::<KnotPlan>()
+                    .into()
             }
             cells @ Plan::Cells(_) => cells,
         }
@@ -227,12 +232,12 @@ fn joined(agents: usize, groups: &[Vec<usize>], plans: &[Plan]) -> Plan {
         _ => None,
     });
     let knots = plans.iter().filter_map(|plan| match plan {
-        Plan::Trajectories(knots) => Some(knots.clone()),
+        Plan::Trajectories(motions) => Some(motions.knots().clone()),
         _ => None,
     });
     match plans.first() {
         Some(Plan::Visits(_)) => Plan::Visits(ordered(agents, groups, visits)),
-        _ => Plan::Trajectories(ordered(agents, groups, knots)),
+        _ => ordered(agents, groups, knots).into(),
     }
 }
 

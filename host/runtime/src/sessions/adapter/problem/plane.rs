@@ -4,7 +4,8 @@ use std::path::Path;
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{
-    Footprint, Instance, Knot, Limit, Motion, Plan, Robot, SharedEnvironment, State,
+    Footprint, Instance, Knot, KnotPlan, Limit, Motion, MotionPlan, Plan, Robot, SharedEnvironment,
+    State,
 };
 use fleetyard_core::formats::{DynobenchProblem, Format, read_dynobench, write_dynobench_problem};
 use fleetyard_core::{InputError, read_trajectories};
@@ -229,7 +230,11 @@ impl Problem for InPlane {
                 heading_rad: knot.heading_rad.filter(|_| turns).unwrap_or(f64::NAN),
             })
         });
-        Ok(Plan::Trajectories(paths.collect()))
+        let knots: KnotPlan = paths.collect();
+        Ok(plan
+            .controls()
+            .and_then(|controls| MotionPlan::new(knots.clone(), controls.clone()))
+            .map_or_else(|| knots.into(), Plan::from))
     }
 
     fn places(&self) -> u64 {
