@@ -277,6 +277,7 @@ fn examples(tests: &mut Tests) {
         "nearest_task.py",
         "just_in_time.py",
         "grid_search.py:weighted-astar-python",
+        "turn_drive.py",
     ] {
         let name = format!("conformance::examples::python::{script}");
         tests.add(&name, move || {
@@ -527,19 +528,28 @@ const ON_PLACES: &[Promise] = &[
     (
         "promising-plane",
         "ignores-others",
-        "idle-agents heterogeneous dynamics",
+        "idle-agents heterogeneous limits",
     ),
-    ("promising-plane", "too-fast", "workspace-mover dynamics"),
+    (
+        "promising-plane",
+        "too-fast",
+        "heterogeneous workspace-one workspace-gap workspace-mover limits controls",
+    ),
+    (
+        "promising-plane",
+        "off-controls",
+        "idle-agents heterogeneous workspace-one workspace-gap workspace-mover limits controls",
+    ),
     ("promising-plane", "ignores-movers", "workspace-mover"),
     (
         "promising-plane",
         "other-form",
-        "idle-agents heterogeneous workspace-one workspace-gap workspace-mover dynamics",
+        "idle-agents heterogeneous workspace-one workspace-gap workspace-mover limits controls",
     ),
     (
         "promising-plane",
         "nan-times",
-        "heterogeneous workspace-one workspace-gap workspace-mover dynamics",
+        "heterogeneous workspace-one workspace-gap workspace-mover limits controls",
     ),
     ("promising-plane", "idle-agent-blocks", "idle-agents"),
 ];
@@ -547,7 +557,7 @@ const ON_PLACES: &[Promise] = &[
 const PLACES: &str = "--only idle-agents --only heterogeneous --only roadmap-one \
                       --only roadmap-crossing --only roadmap-near --only stop-go --only slower \
                       --only workspace-one --only workspace-gap --only workspace-mover \
-                      --only dynamics";
+                      --only limits --only controls";
 
 /// Plugins that are described wrongly, with the cases that fail.
 const DESCRIBED: &[(&str, &str)] = &[

@@ -10,6 +10,7 @@ mod bench;
 mod bundle;
 mod cli;
 mod compare;
+mod controls;
 mod convert;
 mod discovery;
 mod episodes;

@@ -330,6 +330,9 @@ fn numbers_of_plans_are_finite_but_for_headings_that_are_not_there() {
     refused(read, invalid, "plan.heading_rad has inf");
 }
 
+/// A change of columns, and what a reader says of it.
+type Lie<'a> = (&'a dyn Fn(&mut c::Trajectories), &'a str);
+
 /// Two controls of two numbers.
 fn controls() -> Plan {
     let mut controls = ControlPlan::default();
@@ -347,7 +350,7 @@ fn columns_of_controls_fit_together() {
     let (odd, none) = ([f64::NAN; 9], [0.0; 0]);
     let (zeros, many, three, back) = ([0, 0], [0, 1 << 30], [0, 3], [1, 0]);
     let invalid = Status::InvalidInput;
-    let lies: [(&dyn Fn(&mut c::Trajectories), &str); 8] = [
+    let lies: [Lie<'_>; 8] = [
         (
             &|body| body.duration_s = std::ptr::null(),
             "plan.duration_s is null",

@@ -174,8 +174,7 @@ pub fn check_controls(controls: &ControlPlan) -> Result<(), TrajectoryError> {
                 fault,
             };
             let duration_s = segment.duration_s;
-            // NaN is not above 0 either.
-            if !(duration_s > 0.0) {
+            if duration_s.is_nan() || duration_s <= 0.0 {
                 return Err(wrong("the duration", duration_s, "which is not above 0"));
             }
             end_s += duration_s;

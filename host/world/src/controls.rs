@@ -28,6 +28,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// A robot that is moved by controls.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "as robots are declared")]
 pub struct ControlModel {
     /// True if rates are along the axes of the body.
     turns_axes: bool,
@@ -348,8 +349,7 @@ impl ControlModel {
             };
             let samples = course.samples(duration_s);
             let room = most.saturating_sub(knots.len()) as f64;
-            // NaN has no room either.
-            if !(samples <= room) {
+            if samples.is_nan() || samples > room {
                 return Err(ControlError::Long { segment, most });
             }
             let mut seen = Seen {

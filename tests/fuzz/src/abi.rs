@@ -26,10 +26,10 @@ use fleetyard_abi::memory::Data;
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Assignment, Budget, Environment, FleetState, FleetStatus, Footprint, Goals, GridEnvironment,
-    GridPlan, Heading, Instance, Kind, Knot, Lists, LogLevel, Motion, Mover, Objective, Part, Plan,
-    PlanRef, Request, RoadmapEnvironment, Robot, SharedEnvironment, State, Status, View, Visit,
-    WorkspaceEnvironment, c,
+    Assignment, Budget, ControlPlan, Environment, FleetState, FleetStatus, Footprint, Goals,
+    GridEnvironment, GridPlan, Heading, Instance, Kind, Knot, KnotPlan, Lists, LogLevel, Motion,
+    MotionPlan, Mover, Objective, Part, Plan, PlanRef, Request, RoadmapEnvironment, Robot,
+    SharedEnvironment, State, Status, View, Visit, WorkspaceEnvironment, c,
 };
 use fleetyard_runtime::Library;
 use serde_json::{Value, json};

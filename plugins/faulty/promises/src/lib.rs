@@ -8,7 +8,7 @@
 //! The planner `promising` claims whatever grids allow. With `none` it keeps all of it: everybody
 //! goes at once if nobody meets anybody, else one agent after the other while all
 //! others stand; who turns, takes time for it. `promising-roads` and `promising-plane` plan on
-//! roadmaps and in the plane.
+//! roadmaps and in the plane, the latter by knots and controls.
 
 mod others;
 mod places;
@@ -63,6 +63,7 @@ enum Mistake {
     OtherForm,
     NanTimes,
     IgnoresMovers,
+    OffControls,
     // What it claims.
     CutsCorners,
     SeesThroughWalls,

@@ -4,8 +4,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fleetyard_abi::sdk::{self, Failure, Options, Plugin, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Environment, GridPlan, Instance, Kind, KnotPlan,
-    Lists, LogLevel, Plan, PlanRef, Request, RoadmapEnvironment, SharedEnvironment, Status, View,
+    Budget, Capabilities, Capability, ControlPlan, Descriptor, Environment, GridPlan, Instance,
+    Kind, KnotPlan, Lists, LogLevel, MotionPlan, Plan, PlanRef, Request, RoadmapEnvironment,
+    SharedEnvironment, Status, View,
 };
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_roadmap::plugin::RoadmapPrioritised;
@@ -117,13 +118,45 @@ where
                 .unwrap_or_else(PoisonError::into_inner);
             plans.push(plan.ok_or_else(|| Failure::new(Status::GaveUp, "no plan"))?);
         }
-        sink.submit(&self.spoiled(joined(instance.agents(), &groups, &plans)))?;
+        let plan = joined(instance.agents(), &groups, &plans);
+        sink.submit(&self.spoiled(plan, instance))?;
         Ok(())
     }
 }
 
 impl<P> Spoiled<P> {
-    fn spoiled(&self, plan: Plan) -> Plan {
+    /// The controls that lead single integrators along their knots, or beside them.
+    fn controls(&self, knots: &KnotPlan, instance: &Instance) -> Option<ControlPlan> {
+        let aside = if self.choice.mistake == Mistake::OffControls {
+            0.1
+        } else {
+            0.0
+        };
+        let mut controls = ControlPlan::default();
+        for (agent, knots) in knots.iter().enumerate() {
+            let robot = instance.robot(agent)?;
+            let is_known = robot.dynamics == "fleetyard.single-integrator/1";
+            if !is_known || knots.iter().any(|knot| knot.time_s.is_nan()) {
+                return None;
+            }
+            let segments = knots.windows(2).filter_map(|knots| {
+                let (from, to) = (knots[0], knots[1]);
+                let takes_s = to.time_s - from.time_s;
+                let mut control = vec![
+                    (to.x_m - from.x_m) / takes_s + aside,
+                    (to.y_m - from.y_m) / takes_s,
+                ];
+                if robot.has_heading {
+                    control.push((to.heading_rad - from.heading_rad) / takes_s);
+                }
+                (takes_s > 0.0).then_some((takes_s, control))
+            });
+            controls.push_agent(segments).ok()?;
+        }
+        Some(controls)
+    }
+
+    fn spoiled(&self, plan: Plan, instance: &Instance) -> Plan {
         let faster = if self.choice.mistake == Mistake::TooFast {
             0.5
         } else {
@@ -159,12 +192,10 @@ impl<P> Spoiled<P> {
                     }
                     path
                 };
-                motions
-                    .knots()
-                    .iter()
-                    .map(path)
-                    .collect::<KnotPlan>()
-                    .into()
+                let knots: KnotPlan = motions.knots().iter().map(path).collect();
+                self.controls(&knots, instance)
+                    .and_then(|controls| MotionPlan::new(knots.clone(), controls))
+                    .map_or_else(|| knots.into(), Plan::from)
             }
             cells @ Plan::Cells(_) => cells,
         }
