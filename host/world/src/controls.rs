@@ -370,11 +370,14 @@ impl ControlModel {
                 let knot = self.knot(time_s + after_s, &next);
                 // Less than time can tell adds to the sample before.
                 match knots.last_mut() {
-                    Some(same) if same.time_s >= knot.time_s && same.time_s > 0.0 => {
-                        *same = Knot {
-                            time_s: same.time_s,
-                            ..knot
-                        };
+                    Some(same) if same.time_s >= knot.time_s => {
+                        // The first stays at the start.
+                        if same.time_s > 0.0 {
+                            *same = Knot {
+                                time_s: same.time_s,
+                                ..knot
+                            };
+                        }
                     }
                     _ => knots.push(knot),
                 }

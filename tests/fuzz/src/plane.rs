@@ -2,17 +2,18 @@
 
 #![allow(clippy::float_cmp, reason = "what is kept is kept exactly")]
 
+use fleetyard_abi::Footprint;
 use fleetyard_core::formats::{
     CcbsPlaces, MapSize, read_ccbs_log, read_ccbs_roadmap, read_dynobench, read_psipp_plan,
     write_ccbs_roadmap,
 };
 use fleetyard_core::{
-    InputError, Knot, Knots, Roadmap, RoadmapPlanFile, TrajectoryFile, TrajectoryPlan,
-    read_roadmap, read_roadmap_plan, read_trajectories, write_roadmap, write_roadmap_plan,
-    write_trajectories,
+    ControlPlan, InputError, Knot, Knots, Roadmap, RoadmapPlanFile, Robot, TrajectoryFile,
+    TrajectoryPlan, read_roadmap, read_roadmap_plan, read_trajectories, write_roadmap,
+    write_roadmap_plan, write_trajectories,
 };
 use fleetyard_sim::motion::Model;
-use fleetyard_world::Dynamics;
+use fleetyard_world::{ControlModel, Dynamics};
 
 use super::check_error;
 
@@ -67,12 +68,62 @@ fn read<T>(data: &[u8], reader: impl Fn(&str, &[u8]) -> Result<T, InputError>) -
     read.map_err(|error| check_error(&error, SOURCE, data)).ok()
 }
 
+/// Dynamics, and numbers of a state and of a control.
+const MODELS: [(&str, usize, usize); 7] = [
+    ("single-integrator", 2, 2),
+    ("double-integrator", 4, 2),
+    ("unicycle", 3, 2),
+    ("differential-drive", 3, 2),
+    ("unicycle-2", 5, 2),
+    ("holonomic", 3, 3),
+    ("holonomic-2", 6, 3),
+];
+
+/// Whatever controls lead to is a path, and not longer than it may be.
+fn driven(controls: &ControlPlan) {
+    const MOST: usize = 1 << 10;
+    for (name, states, numbers) in MODELS {
+        let free = |count: usize| vec![[None; 2]; count];
+        let robot = Robot {
+            name: String::new(),
+            footprint: Footprint::disc(0.25),
+            dynamics: format!("fleetyard.{name}/1"),
+            has_heading: !name.ends_with("integrator"),
+            polar_state: false,
+            polar_control: false,
+            state_limits: free(states),
+            control_limits: free(numbers),
+            parameters: if name.starts_with("differential") {
+                vec![0.5, 1.0]
+            } else {
+                Vec::new()
+            },
+        };
+        let model = ControlModel::new(&robot).expect("a model");
+        for agent in 0..controls.agents() {
+            let start = vec![0.25; states];
+            match model.drive(&start, controls.of(agent), MOST) {
+                Ok(driven) => {
+                    assert!(driven.knots.len() <= MOST && driven.end.len() == states);
+                    let mut plan = TrajectoryPlan::default();
+                    plan.push_path(driven.knots).expect("a path");
+                }
+                Err(error) => assert!(!error.to_string().is_empty()),
+            }
+        }
+    }
+}
+
 /// Properties of every plan.
 fn trajectories(plan: &TrajectoryPlan, data: &[u8]) {
     // A knot is several bytes.
     assert!(plan.knot_count() <= data.len() && plan.agents() <= data.len());
     assert_eq!(plan.offsets().last(), Some(&plan.knot_count()));
     assert!(plan.horizon_s() >= 0.0);
+    if let Some(controls) = plan.controls() {
+        assert!(controls.agents() == plan.agents() && controls.segments() <= data.len());
+        driven(controls);
+    }
     for (knots, fastest) in plan.paths().zip(plan.fastest()) {
         assert_eq!(knots.time_s[0], 0.0);
         assert!(knots.time_s.is_sorted_by(|one, next| one < next));

@@ -21,6 +21,7 @@ pub fn run(data: &[u8]) {
         }
     }
     assert!(task.goal_tolerance_m > 0.0 && task.goal_tolerance_rad > 0.0);
+    assert!(task.goal_tolerance_rate > 0.0 && task.dynamics_tolerance > 0.0);
     // Written once, a task does not change any more.
     let written = write_task(&task);
     let again = read_task(SOURCE, &written).expect("what was written can be read");

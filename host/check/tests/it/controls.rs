@@ -162,7 +162,7 @@ fn controls_lead_to_the_knots() {
     assert_eq!(found[0].rule, ContinuousRule::OffControls);
     let excess = found[0].excess.unwrap();
     assert!(
-        (excess.value - 0.01).abs() < 1e-4 && (excess.limit - 5e-3).abs() < 1e-12,
+        (0.01..0.011).contains(&excess.value) && (excess.limit - 5e-3).abs() < 1e-12,
         "{excess:?}"
     );
     assert!(found[0].time_s >= 2.0 && excess.place_m[0] > 0.9);
