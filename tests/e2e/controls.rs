@@ -21,7 +21,7 @@ fn yard(robot: &str, agents: &str) -> Yard {
 }
 
 const CART: &str = r#""unicycle-2""#;
-const CARTS: &str = r#"{"start": [1, 1, 0.5], "goal": [5, 3.3, 3.14]},
+const CARTS: &str = r#"{"start": [1, 1, 0.5], "goal": [5, 1.2, 3.14]},
                        {"start": [5, 0.5, 3], "goal": [1, 0.5]}"#;
 const PUCK: &str = r#"{"single-integrator": {"speed_m_per_s": 1}}"#;
 const WAY: &str = r#"{"start": [1, 1], "goal": [5, 1]}, {"start": [5, 3], "goal": [1, 3]}"#;
@@ -39,7 +39,8 @@ fn controls_alone_are_planned_judged_and_executed() {
     let planner = root().join("plugins/examples/python/turn_drive.py");
     let planner = planner.display();
     let ended = yard.line(&format!(
-        "run --task hall.task.json -p {planner} --plan-out plan.json --execute --picture plan.svg"
+        "run --task hall.task.json -p {planner} --format json --plan-out plan.json --execute \
+         --picture plan.svg"
     ));
     let record = ended.expect(SUCCESS).json();
     assert_eq!(record["verdict"]["valid"], true, "{record}");
@@ -90,7 +91,7 @@ fn files_with_odd_controls_are_refused() {
         (json!([[[1, 0, 0], [1, 0]]]), "unlike the 2 before it"),
         (
             json!([[[0, 0, 0]]]),
-            "segment 0 of agent 0 has the duration 0, which is not above 0",
+            "segment 0 of agent 0 has the duration 0.0, which is not above 0",
         ),
         (json!([[[1e10, 0, 0]]]), "beyond 1e9 s"),
         (json!([[[1, 0, 1e300]]]), "beyond ±1e9"),
@@ -110,7 +111,7 @@ fn files_with_odd_controls_are_refused() {
 }
 
 fn ask(planner: &str, more: &str) -> Ended {
-    let line = format!("run --task hall.task.json -p {planner} {more}");
+    let line = format!("run --task hall.task.json -p {planner} --format json {more}");
     yard(PUCK, WAY).line(&line)
 }
 

@@ -109,7 +109,7 @@ pub enum TrajectoryError {
     OffMap { agent: usize, time: usize },
     #[error("there are controls of {controls} agents, but paths of {paths}")]
     ControlCount { controls: usize, paths: usize },
-    #[error("segment {segment} of agent {agent} has {what} {value}, {fault}")]
+    #[error("segment {segment} of agent {agent} has {what} {value:?}, {fault}")]
     Control {
         agent: usize,
         segment: usize,

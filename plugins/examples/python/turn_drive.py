@@ -30,9 +30,9 @@ def ramps(distance, fastest, push):
     return [(duration_s, change) for duration_s, change in all_three if duration_s > 1e-9]
 
 
-def between(least, most):
+def either_way(limits):
     """What a pair of limits allows either way."""
-    size = min(-least, most)
+    size = min(-limits[0], limits[1])
     return size if math.isfinite(size) else 1.0
 
 
@@ -88,10 +88,8 @@ class TurnDrive(fleetyard.Planner):
             del others[agent]
             if not self.is_free(start[:2], goal[:2], radii[agent], others):
                 raise fleetyard.GaveUp(f"something is in the way of agent {agent}")
-            (speed, turns), (push, twist) = (
-                [between(*pair) for pair in pairs]
-                for pairs in (robot.state_limits[3:], robot.control_limits)
-            )
+            speed, turns = min(robot.state_limits[3][1], 10.0), either_way(robot.state_limits[4])
+            push, twist = map(either_way, robot.control_limits)
             far = math.dist(start[:2], goal[:2])
             course = math.atan2(goal[1] - start[1], goal[0] - start[0]) if far else start[2]
             ends = course if math.isnan(goal[2]) else goal[2]
