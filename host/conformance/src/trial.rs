@@ -468,11 +468,16 @@ impl<'a> Trial<'a> {
             == Status::Unsupported;
         self.alone = Some(alone);
         self.prepare(session, scene)?;
-        if alone {
-            self.put_fitting(session, scene, call)
-        } else {
-            Ok(answer)
+        if !alone {
+            return Ok(answer);
         }
+        let only = self.put_fitting(session, scene, call)?;
+        if only.status == Status::Unsupported && scene.may_be_unknown() {
+            // It is no matter of how many there are.
+            self.alone = None;
+            return Ok(answer);
+        }
+        Ok(only)
     }
 
     /// What is asked in place of a scene: robots with dynamics that the plugin lists, if it lists any,
