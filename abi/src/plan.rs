@@ -487,7 +487,7 @@ impl ControlPlan {
             })
     }
 
-    /// How many numbers each control of an agent has; 0 if it has none.
+    /// Number of numbers of each control of an agent; 0 if it has none.
     pub fn control_size(&self, agent: usize) -> usize {
         let numbers = self.numbers[agent].len();
         numbers

@@ -1,7 +1,7 @@
 //! Plans with controls, from the planner to the simulator: what they lead to is judged and executed,
 //! and lies are told.
 
-use fleetyard_testkit::{Ended, INVALID_PLAN, PLUGIN, SUCCESS, Yard, c_library, have, root};
+use fleetyard_testkit::{Ended, INPUT, INVALID_PLAN, PLUGIN, SUCCESS, Yard, c_library, have, root};
 use serde_json::{Value, json};
 
 /// A floor with a pillar beside the ways.
@@ -59,6 +59,16 @@ fn controls_alone_are_planned_judged_and_executed() {
         yard.line(line).expect(SUCCESS);
     }
     assert_eq!(read(&yard, "again.json")["controls"], *controls);
+    // A file of controls alone leads to the same knots.
+    let alone = json!({"format": "fleetyard.trajectories/1", "controls": controls});
+    yard.write("alone.json", alone.to_string());
+    yard.line("validate --task hall.task.json alone.json")
+        .expect(SUCCESS);
+    yard.line("convert --task hall.task.json --representation continuous alone.json led.json")
+        .expect(SUCCESS);
+    assert_eq!(read(&yard, "led.json")["plan_digest"], plan["plan_digest"]);
+    let ended = yard.line("validate alone.json --radius 0.25").expect(INPUT);
+    assert!(ended.stderr.contains("--task FILE"), "{ended}");
     // With knots that are none of theirs, limits that are exceeded, and no rest at the end.
     let changed = |change: &dyn Fn(&mut Value)| {
         let mut plan = plan.clone();
@@ -105,7 +115,7 @@ fn files_with_odd_controls_are_refused() {
                           "controls": controls});
         yard.write("odd.json", plan.to_string());
         let ended = yard.line("validate --task hall.task.json odd.json");
-        let told = ended.expect(fleetyard_testkit::INPUT).stderr;
+        let told = ended.expect(INPUT).stderr;
         assert!(told.contains(reason), "{told}");
     }
 }

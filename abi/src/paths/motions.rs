@@ -121,7 +121,7 @@ struct Motions {
     left: Left,
 }
 
-/// How many knots and segments may still come.
+/// Number of knots and segments that may still come.
 struct Left(usize);
 
 impl Left {

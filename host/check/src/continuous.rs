@@ -30,8 +30,8 @@ pub struct ContinuousTask<'a> {
     pub goals: Option<&'a [Pose]>,
     /// The dynamics of every agent, if they are given.
     pub limits: Option<&'a [Dynamics]>,
-    /// What controls of a plan are judged by, if it is given. Those who have controls are held to
-    /// the limits there.
+    /// The data that controls are judged by, if they are given. Agents with controls are held to the
+    /// limits there.
     pub controls: Option<ControlTask<'a>>,
     /// Deviations that are no violation.
     pub tolerance: Tolerance,

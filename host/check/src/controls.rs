@@ -25,9 +25,9 @@ pub struct ControlTask<'a> {
     pub starts: &'a [Vec<f64>],
     /// State in which each agent comes to rest, NaN where any will do; a shorter one asks for less.
     pub goals: &'a [Vec<f64>],
-    /// How far controls may lead beside knots, in metres and in radians.
+    /// Distance by which controls may lead beside knots, in metres and in radians.
     pub tolerance: f64,
-    /// How far rates may be from those of the goal.
+    /// Difference that rates may have from those of the goal.
     pub goal_rate: f64,
 }
 

@@ -480,7 +480,7 @@ impl<'a> Trial<'a> {
         Ok(only)
     }
 
-    /// What is asked in place of a scene: robots with dynamics that the plugin lists, if it lists any,
+    /// The scene that is asked in place of another: robots with dynamics that the plugin lists, if it lists any,
     /// and the first agent alone, if it plans for one.
     fn in_place_of(&self, scene: &dyn Question) -> Option<Box<dyn Question>> {
         let moved = self

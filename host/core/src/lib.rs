@@ -55,6 +55,7 @@ pub use search::{GridSearch, OctileLength};
 pub use shell::quoted;
 pub use trajectory::{Fastest, Knot, Knots, TrajectoryError, TrajectoryPlan, check_controls};
 pub use trajectory_file::{
-    TrajectoryFile, load_trajectories, read_trajectories, save_trajectories, write_trajectories,
+    ControlFile, MotionFile, TrajectoryFile, load_trajectories, read_motions, read_trajectories,
+    save_trajectories, write_trajectories,
 };
 pub use words::Words;

@@ -17,7 +17,8 @@
 //! `[t, x, y]` or `[t, x, y, heading]`, in seconds, metres and radians. What makes a plan
 //! of them, and what does not, is said at [`TrajectoryPlan`]. `controls` may have a list of
 //! segments per agent, each `[duration, number, …]`: the control and the seconds that it is
-//! held. A file whose paths and controls do not have the digest that `plan_digest` names is
+//! held; with them a file needs no `paths` where robots and starts are known ([`read_motions`]). A
+//! file whose paths and controls do not have the digest that `plan_digest` names is
 //! refused.
 
 use std::path::Path;
@@ -30,7 +31,9 @@ use crate::json::{self, check_digest, push_lines, push_list, push_number, read_o
 use crate::path_list::{Paths, ReadStops};
 use crate::plan_file::PLAN_FILE_LIMIT;
 use crate::trajectory::Unfinished;
-use crate::{ControlPlan, Digest, InputError, Knot, TrajectoryPlan};
+use crate::{
+    ControlPlan, Digest, InputError, Knot, TrajectoryError, TrajectoryPlan, check_controls,
+};
 
 /// Most knots that all paths of a file may have together.
 pub const TRAJECTORY_MAX_KNOTS: usize = 1 << 27;
@@ -68,27 +71,87 @@ pub fn load_trajectories(path: impl AsRef<Path>) -> Result<TrajectoryFile, Input
     load_file(path, PLAN_FILE_LIMIT, read_trajectories)
 }
 
+/// The content of a trajectory file that may have controls alone.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MotionFile {
+    /// It has paths.
+    Paths(TrajectoryFile),
+    /// It has controls, and where they lead depends on robots and starts.
+    Controls(ControlFile),
+}
+
+/// The content of a trajectory file that has controls alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ControlFile {
+    /// The file, for error messages.
+    pub source: String,
+    /// The author of the plan, as free text.
+    pub planner: Option<String>,
+    /// The controls, which [`check_controls`] lets pass.
+    pub controls: ControlPlan,
+}
+
+const HINT: &str = "a trajectory file is a JSON object with format and paths";
+
 /// Parses the content of a trajectory file. `source` is named in errors.
 pub fn read_trajectories(source: &str, bytes: &[u8]) -> Result<TrajectoryFile, InputError> {
-    let hint = "a trajectory file is a JSON object with format and paths";
-    let document: Document = read_object(source, bytes, hint)?;
+    match read_motions(source, bytes)? {
+        MotionFile::Paths(file) => Ok(file),
+        MotionFile::Controls(_) => {
+            let reason = "the plan has controls and no paths, and nothing says of which robots";
+            Err(InputError::new(source, reason)
+                .hint("name their task with --task FILE: it says where controls lead"))
+        }
+    }
+}
+
+/// The same of a file that may have controls alone.
+pub fn read_motions(source: &str, bytes: &[u8]) -> Result<MotionFile, InputError> {
+    let document: Document = read_object(source, bytes, HINT)?;
     let () = document.format;
-    let (Paths(mut plan), named) = (document.paths, document.plan_digest);
+    let refused = |error: &TrajectoryError| {
+        let hint = error.hint().unwrap_or(HINT);
+        InputError::new(source, error.to_string()).hint(hint)
+    };
+    let named = document.plan_digest;
+    let Some(Paths(mut plan)) = document.paths else {
+        let Some(controls) = document.controls else {
+            // Where they are missing.
+            read_object::<WithPaths>(source, bytes, HINT)?;
+            return Err(InputError::new(source, "there are no paths").hint(HINT));
+        };
+        if named.is_some() {
+            let reason = "plan_digest is of paths, and there are none";
+            return Err(InputError::new(source, reason).hint("leave it out"));
+        }
+        check_controls(&controls).map_err(|error| refused(&error))?;
+        return Ok(MotionFile::Controls(ControlFile {
+            source: source.to_owned(),
+            planner: document.planner,
+            controls,
+        }));
+    };
     if let Some(controls) = document.controls {
-        plan = plan.with_controls(controls).map_err(|error| {
-            let hint = error.hint().unwrap_or(hint);
-            InputError::new(source, error.to_string()).hint(hint)
-        })?;
+        plan = plan
+            .with_controls(controls)
+            .map_err(|error| refused(&error))?;
     }
     check_digest(source, "plan_digest", named, "the paths have", || {
         plan.digest()
     })?;
-    Ok(TrajectoryFile {
+    Ok(MotionFile::Paths(TrajectoryFile {
         source: source.to_owned(),
         planner: document.planner,
         plan_digest: named,
         plan,
-    })
+    }))
+}
+
+/// For the place at which paths are missing.
+#[derive(Deserialize)]
+struct WithPaths {
+    #[serde(rename = "paths")]
+    _paths: IgnoredAny,
 }
 
 #[derive(Deserialize)]
@@ -98,7 +161,7 @@ struct Document {
     format: (),
     planner: Option<String>,
     plan_digest: Option<Digest>,
-    paths: Paths<TrajectoryPlan>,
+    paths: Option<Paths<TrajectoryPlan>>,
     controls: Option<ControlPlan>,
 }
 

@@ -77,14 +77,14 @@ pub struct Task {
     pub goal_tolerance_rad: f64,
     /// The same of each rate, where controls say it.
     pub goal_tolerance_rate: f64,
-    /// How far controls may lead beside knots of the same plan, in metres and in radians.
+    /// Distance by which controls may lead beside knots of the same plan, in metres and in radians.
     pub dynamics_tolerance: f64,
     /// Seed of everything random that is derived from the task.
     pub seed: u64,
 }
 
 impl Task {
-    /// How far controls may lead beside knots where a task does not say it.
+    /// That distance where a task does not say it.
     pub const BESIDE_KNOTS: f64 = 1e-3;
 }
 

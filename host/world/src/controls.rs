@@ -554,7 +554,7 @@ impl Seen<'_> {
     }
 }
 
-/// How far a value is beyond a limit and what rounding explains.
+/// Amount by which a value is beyond a limit and what rounding explains.
 fn excess(value: f64, limit: f64) -> f64 {
     (value - limit).abs() - limit.abs() * DYNAMICS_TOLERANCE - ROUNDING
 }
@@ -566,7 +566,7 @@ impl Course {
         [axis(0), axis(1), axis(2)]
     }
 
-    /// How many samples it takes for chords to keep to their bounds, and for pieces to be short.
+    /// Number of samples that it takes for chords to keep to their bounds, and for pieces to be short.
     fn samples(&self, duration_s: f64) -> f64 {
         let ends = [self.begin.rates, self.rates(duration_s)];
         let speed = ends.map(|rates| Vector::new(rates[0], rates[1]).norm());

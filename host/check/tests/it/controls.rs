@@ -185,7 +185,7 @@ fn controls_lead_to_the_knots() {
     );
     assert_eq!(found.violations.len(), 1);
     assert_eq!(found.violations[0].rule, ContinuousRule::OffControls);
-    assert!((found.violations[0].excess.unwrap().value - 0.6875).abs() < 1e-3);
+    assert!((found.violations[0].excess.unwrap().value - 0.625).abs() < 1e-3);
 }
 
 #[test]

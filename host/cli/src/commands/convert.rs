@@ -11,13 +11,13 @@ use fleetyard_core::formats::{
     looks_transposed,
 };
 use fleetyard_core::{
-    Grid, GridInstance, InputError, PathEncoding, PlanFile, RoadmapPlanFile, Separation,
-    TrajectoryFile, load_map, write_all_atomically,
+    Grid, GridInstance, InputError, MotionFile, PathEncoding, PlanFile, RoadmapPlanFile,
+    Separation, TrajectoryFile, load_map, write_all_atomically,
 };
 use fleetyard_sim::SimConfig;
 use fleetyard_views::{Problem, Representation, View, load_problem};
 
-use super::task::{Chosen, ViewArgs, cells_of, place, representation, visits_of};
+use super::task::{Chosen, ViewArgs, cells_of, motions_of, place, representation, visits_of};
 use crate::args::{VIEW, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::file_name;
@@ -174,6 +174,12 @@ fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<E
         {
             kind
         }
+        // Controls alone become the knots to which they lead.
+        (Representation::Continuous, kind)
+            if matches!(file.motions()?, MotionFile::Controls(_)) =>
+        {
+            kind
+        }
         _ => {
             let reason = format!(
                 "this is a plan {}, and {format} is one {}",
@@ -207,7 +213,7 @@ fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<E
             ..Parts::default()
         }
     } else {
-        let plan = file.trajectories()?;
+        let plan = motions_of(&problem, &file)?;
         check_agents(&plan, &problem)?;
         lowered(&view, plan, step_s, arguments.plan_encoding)?
     };
@@ -266,7 +272,7 @@ fn lifted(
             (file.planner, plan)
         }
         View::Continuous => {
-            let file = file.trajectories()?;
+            let file = motions_of(problem, file)?;
             (file.planner, file.plan)
         }
     };

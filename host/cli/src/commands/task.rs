@@ -11,7 +11,8 @@ use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
 };
 use fleetyard_core::{
-    Digest, InputError, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile, load_roadmap,
+    Digest, InputError, MotionFile, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile,
+    load_roadmap,
 };
 use fleetyard_views::{
     GridTerms, GridView, Judged, PlanTerms, Problem, Representation, RoadmapView, StepCosts, View,
@@ -206,7 +207,7 @@ impl TaskArgs {
             }
             View::Roadmap(view) => self.judge_roadmap(&problem, view, &file, listed)?,
             View::Continuous => {
-                let TrajectoryFile { source, plan, .. } = file.trajectories()?;
+                let TrajectoryFile { source, plan, .. } = motions_of(&problem, &file)?;
                 let agents = 0..problem.fleet.agents();
                 check_headings(&source, &plan, agents.map(|agent| problem.shape(agent)))?;
                 (problem.judge(&plan, listed), plan.digest())
@@ -282,6 +283,22 @@ pub(super) fn visits_of(view: &RoadmapView, file: &UnreadPlan) -> Result<Roadmap
         )
     })?;
     Ok(file)
+}
+
+/// The plan in the plane in a file: where it has controls alone, the motion from the task's starts.
+pub(super) fn motions_of(problem: &Problem, file: &UnreadPlan) -> Result<TrajectoryFile> {
+    match file.motions()? {
+        MotionFile::Paths(file) => Ok(file),
+        MotionFile::Controls(file) => {
+            let plan = problem.motions(&file.controls.into());
+            let plan = plan.map_err(|reason| InputError::new(file.source.as_str(), reason))?;
+            Ok(TrajectoryFile {
+                source: file.source,
+                planner: file.planner,
+                ..TrajectoryFile::new(plan)
+            })
+        }
+    }
 }
 
 /// The kind of views that plans in a format are of.

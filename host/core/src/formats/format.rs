@@ -15,10 +15,10 @@ use super::{
 };
 use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
 use crate::{
-    Digest, Grid, GridInstance, GridPlan, InputError, PathEncoding, PlanFile, Roadmap,
+    Digest, Grid, GridInstance, GridPlan, InputError, MotionFile, PathEncoding, PlanFile, Roadmap,
     RoadmapPlanFile, Scenario, TrajectoryFile, TrajectoryPlan, load_roadmap, read_file, read_map,
-    read_roadmap, read_roadmap_plan, read_scen, read_trajectories, write_map, write_roadmap,
-    write_roadmap_plan, write_scen, write_trajectories,
+    read_motions, read_roadmap, read_roadmap_plan, read_scen, read_trajectories, write_map,
+    write_roadmap, write_roadmap_plan, write_scen, write_trajectories,
 };
 
 /// Declares the formats in the order in which they are listed.
@@ -598,6 +598,14 @@ impl UnreadPlan {
         let contents = Contents::read(&self.path, &self.bytes, Some(self.format), None)?;
         let trajectories = contents.trajectories;
         trajectories.ok_or_else(|| no_plan(&self.path, self.format))
+    }
+
+    /// The same of a plan that may have controls alone.
+    pub fn motions(&self) -> Result<MotionFile, InputError> {
+        match self.format {
+            Format::Trajectories => read_motions(&self.source(), &self.bytes),
+            _ => self.trajectories().map(MotionFile::Paths),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Tasks, operators, and the tasks of the repository.
 
+mod controls;
 mod given;
 mod grids;
 mod judged;

@@ -8,7 +8,7 @@ use fleetyard_abi::{
     State,
 };
 use fleetyard_core::formats::{DynobenchProblem, Format, read_dynobench, write_dynobench_problem};
-use fleetyard_core::{InputError, read_trajectories};
+use fleetyard_core::{InputError, MotionFile, read_motions};
 
 use super::super::input::{Limits, PROBLEM_NAME, ProblemInput, RobotType, Size};
 use super::super::manifest::{Manifest, Written};
@@ -214,7 +214,12 @@ impl Problem for InPlane {
         let source = manifest.output.source();
         let plan = match &manifest.output.written {
             Written::As(Format::Dynobench) => read_dynobench(&source, answer)?,
-            _ => read_trajectories(&source, answer)?.plan,
+            _ => match read_motions(&source, answer)? {
+                MotionFile::Paths(file) => file.plan,
+                MotionFile::Controls(file) => {
+                    return Ok(Plan::Trajectories(file.controls.into()));
+                }
+            },
         };
         let agents = instance.agents();
         if plan.agents() != agents {
