@@ -67,7 +67,9 @@ fn controls_alone_are_planned_judged_and_executed() {
     yard.line("convert --task hall.task.json --representation continuous alone.json led.json")
         .expect(SUCCESS);
     assert_eq!(read(&yard, "led.json")["plan_digest"], plan["plan_digest"]);
-    let ended = yard.line("validate alone.json --radius 0.25").expect(INPUT);
+    let ended = yard
+        .line("validate alone.json --world hall.world.json --radius 0.25")
+        .expect(INPUT);
     assert!(ended.stderr.contains("--task FILE"), "{ended}");
     // With knots that are none of theirs, limits that are exceeded, and no rest at the end.
     let changed = |change: &dyn Fn(&mut Value)| {

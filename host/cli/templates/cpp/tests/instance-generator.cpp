@@ -13,8 +13,13 @@ static Lists generate(const char *row, const std::vector<Cell> &cells, Cell goal
   next.offsets = {0, 0, 1};
   next.raw.goal_offsets = next.offsets.data();
   const std::vector<std::uint64_t> ids{7}, task_offsets{0, task.size()};
-  const FleetyardFleetState state{
-      sizeof state, 1, 0.0, &next.raw, ids.data(), task_offsets.data(), task.data(), {}};
+  FleetyardFleetState state{};
+  state.struct_size = sizeof state;
+  state.tasks = 1;
+  state.next = &next.raw;
+  state.task_ids = ids.data();
+  state.task_offsets = task_offsets.data();
+  state.task_places = task.data();
   const Given given("most_tasks", 10);
   NearestIdle generator(given.options);
   try {
