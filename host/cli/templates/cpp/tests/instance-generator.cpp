@@ -20,6 +20,8 @@ static Lists generate(const char *row, const std::vector<Cell> &cells, Cell goal
   state.task_ids = ids.data();
   state.task_offsets = task_offsets.data();
   state.task_places = task.data();
+  const double released_s = 0;
+  state.task_released_s = &released_s;
   const Given given("most_tasks", 10);
   NearestIdle generator(given.options);
   try {

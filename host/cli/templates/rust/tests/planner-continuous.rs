@@ -47,7 +47,7 @@ fn plan(starts: &[[f64; 2]], goals: &[[f64; 2]]) -> Result<Vec<Vec<Knot>>, Failu
     let Some(Plan::Trajectories(plan)) = host.plan.into_inner().unwrap() else {
         panic!("trajectories");
     };
-    Ok(plan.iter().map(<[Knot]>::to_vec).collect())
+    Ok(plan.knots().iter().map(<[Knot]>::to_vec).collect())
 }
 
 #[test]
