@@ -6,7 +6,9 @@ use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error, SeqAccess};
 
 use crate::json::{Listed, ReadList};
-use crate::plan_file::PLAN_MAX_AGENTS;
+
+/// Most agents a plan file may have.
+pub(crate) const PLAN_MAX_AGENTS: usize = 1 << 22;
 
 /// A plan that is read path by path.
 pub(crate) trait ReadPaths: Default {

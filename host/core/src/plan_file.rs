@@ -49,9 +49,6 @@ use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncod
 /// Largest plan file that is read, in bytes.
 pub const PLAN_FILE_LIMIT: u64 = 1 << 31;
 
-/// Most agents a plan file may have.
-pub const PLAN_MAX_AGENTS: usize = 1 << 22;
-
 /// Most cells all paths of a plan file may have together.
 pub const PLAN_MAX_CELLS: usize = 1 << 29;
 

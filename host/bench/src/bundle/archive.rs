@@ -5,59 +5,25 @@
 //! exactly so is refused: nothing but plain files, each once, below one folder, by names that stay
 //! there. Nothing is taken from the archive's word but what the manifest repeats.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Read, Write};
 
 use flate2::bufread::GzDecoder;
 use flate2::{Compression, GzBuilder};
-use fleetyard_core::{InputError, is_unseen, shown};
+use fleetyard_core::{InputError, shown};
 use sha2::{Digest as _, Sha256};
 use tar::{Archive, EntryType, Header};
 
-use super::manifest::{BundledFile, Manifest};
-
-/// The name of the manifest in the bundle's folder.
-pub(super) const MANIFEST: &str = "manifest.json";
+use super::manifest::{BundledFile, MANIFEST, Manifest, name_fault};
 
 /// The largest manifest that is read, in bytes.
 pub(super) const MANIFEST_LIMIT: u64 = 64 << 20;
 
-/// The most bytes that all files of a bundle have.
-pub(super) const TOTAL_LIMIT: u64 = 1 << 40;
-
-/// A name of a file has at most so many bytes, its folders included: a tar of 1988 has no room for
-/// more, and no other way of writing names is read.
-const NAME_LIMIT: usize = 255;
-
 /// Most bytes after the end of an archive: zeros that fill its last block.
 const PADDING: u64 = 1 << 20;
 
-/// Files that are programs are there; nothing else may be executed.
-const PLUGINS: &str = "plugins/";
-
 type Result<T> = std::result::Result<T, InputError>;
-
-/// The reason why a name is refused; `None` for one that stays below its folder.
-pub(super) fn name_fault(name: &str) -> Option<&'static str> {
-    if name.is_empty() {
-        return Some("has no name");
-    }
-    if name.len() > NAME_LIMIT {
-        return Some("has a name of more than 255 bytes");
-    }
-    if name.contains(is_unseen) {
-        return Some("has a name with a character that cannot be seen");
-    }
-    if name.starts_with('/') {
-        return Some("has a name that begins at the root");
-    }
-    let mut parts = name.split('/');
-    if parts.any(|part| matches!(part, "" | "." | "..")) {
-        return Some("has a name with `.`, `..` or nothing between slashes");
-    }
-    None
-}
 
 /// SHA-256 and length of what can be read.
 pub(super) fn digest_of(reader: &mut dyn Read) -> io::Result<(u64, String)> {
@@ -330,45 +296,4 @@ fn refused(source: &str, reason: &str) -> InputError {
 fn unreadable(source: &str, error: &io::Error) -> InputError {
     InputError::new(source, format!("cannot be unpacked: {error}"))
         .hint("the archive is damaged, or no gzipped tar")
-}
-
-/// The reason why a list of files is refused, if it is.
-pub(super) fn fault_of(files: &[BundledFile]) -> Option<String> {
-    let mut names = BTreeSet::from([MANIFEST]);
-    let mut total: u64 = 0;
-    for file in files {
-        let place = format!("`{}`", shown(&file.path));
-        if let Some(what) = name_fault(&file.path) {
-            return Some(format!("{place} {what}"));
-        }
-        if !names.insert(&file.path) {
-            return Some(format!("{place} is there twice"));
-        }
-        total = total.saturating_add(file.bytes);
-        if total > TOTAL_LIMIT {
-            let most = TOTAL_LIMIT >> 30;
-            return Some(format!(
-                "{place} and those before have more than {most} GiB"
-            ));
-        }
-        if file.executable && !file.path.starts_with(PLUGINS) {
-            return Some(format!("{place} is no plugin, and may be executed"));
-        }
-        if file.sha256.len() != 64 || !file.sha256.bytes().all(|b| b.is_ascii_hexdigit()) {
-            return Some(format!("{place} has no SHA-256"));
-        }
-    }
-    // A file is no folder.
-    let parents = |name: &&str| {
-        let ends = name.match_indices('/').map(|(at, _)| at);
-        ends.collect::<Vec<_>>()
-    };
-    for name in &names {
-        for end in parents(name) {
-            if names.contains(&name[..end]) {
-                return Some(format!("`{}` is a file and a folder", shown(&name[..end])));
-            }
-        }
-    }
-    None
 }

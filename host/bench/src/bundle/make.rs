@@ -11,8 +11,10 @@ use fleetyard_runtime::{CodeFile, Fault, PluginFile};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::archive::{self, digest_of, name_fault};
-use super::manifest::{BundledFile, BundledModule, BundledPlanner, BundledPlans, Manifest};
+use super::archive::{self, digest_of};
+use super::manifest::{
+    BundledFile, BundledModule, BundledPlanner, BundledPlans, Manifest, fault_of, name_fault,
+};
 use super::rewrite::{Names, PluginPlace, Rewritten, rewrite};
 use super::{PLANS, SUITE};
 use crate::experiment::key_of;
@@ -137,7 +139,7 @@ pub fn bundle(wanted: &Wanted<'_>) -> Result<Bundled> {
         .iter()
         .map(|(name, content)| entry(name, content))
         .collect::<Result<_>>()?;
-    if let Some(reason) = archive::fault_of(&manifest.files) {
+    if let Some(reason) = fault_of(&manifest.files) {
         return Err(InputError::new(place, reason));
     }
     let draft = scratch.path().join("archive");

@@ -1,18 +1,29 @@
 //! The manifest of a bundle, one JSON file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use fleetyard_core::InputError;
 use fleetyard_core::json::read_object;
+use fleetyard_core::{InputError, is_unseen, shown};
 use fleetyard_runtime::CodeFile;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::archive;
-
 /// Name and version of the format.
 pub const FORMAT: &str = "fleetyard.bundle/1";
+
+/// The name of the manifest in the bundle's folder.
+pub(super) const MANIFEST: &str = "manifest.json";
+
+/// The most bytes that all files of a bundle have.
+const TOTAL_LIMIT: u64 = 1 << 40;
+
+/// A name of a file has at most so many bytes, its folders included: a tar of 1988 has no room for
+/// more, and no other way of writing names is read.
+const NAME_LIMIT: usize = 255;
+
+/// Files that are programs are there; nothing else may be executed.
+const PLUGINS: &str = "plugins/";
 
 /// Origin and content of a bundle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -165,7 +176,7 @@ impl Manifest {
         })?;
         let fault = |reason: String| Err(InputError::new(source, reason).hint(hint));
         if manifest.format != FORMAT {
-            let found = fleetyard_core::shown(&manifest.format);
+            let found = shown(&manifest.format);
             return fault(format!("format is \"{found}\", expected \"{FORMAT}\""));
         }
         let fits = |letter: char| letter.is_ascii_alphanumeric() || "._-".contains(letter);
@@ -175,10 +186,10 @@ impl Manifest {
             || name.starts_with(['.', '-'])
             || !name.chars().all(fits)
         {
-            let name = fleetyard_core::shown(name);
+            let name = shown(name);
             return fault(format!("\"{name}\" cannot be the name of a suite"));
         }
-        match archive::fault_of(&manifest.files) {
+        match fault_of(&manifest.files) {
             Some(reason) => fault(reason),
             None => Ok(manifest),
         }
@@ -188,4 +199,66 @@ impl Manifest {
     pub fn bytes(&self) -> u64 {
         self.files.iter().map(|file| file.bytes).sum()
     }
+}
+
+/// The reason why a name is refused; `None` for one that stays below its folder.
+pub(super) fn name_fault(name: &str) -> Option<&'static str> {
+    if name.is_empty() {
+        return Some("has no name");
+    }
+    if name.len() > NAME_LIMIT {
+        return Some("has a name of more than 255 bytes");
+    }
+    if name.contains(is_unseen) {
+        return Some("has a name with a character that cannot be seen");
+    }
+    if name.starts_with('/') {
+        return Some("has a name that begins at the root");
+    }
+    let mut parts = name.split('/');
+    if parts.any(|part| matches!(part, "" | "." | "..")) {
+        return Some("has a name with `.`, `..` or nothing between slashes");
+    }
+    None
+}
+
+/// The reason why a list of files is refused, if it is.
+pub(super) fn fault_of(files: &[BundledFile]) -> Option<String> {
+    let mut names = BTreeSet::from([MANIFEST]);
+    let mut total: u64 = 0;
+    for file in files {
+        let place = format!("`{}`", shown(&file.path));
+        if let Some(what) = name_fault(&file.path) {
+            return Some(format!("{place} {what}"));
+        }
+        if !names.insert(&file.path) {
+            return Some(format!("{place} is there twice"));
+        }
+        total = total.saturating_add(file.bytes);
+        if total > TOTAL_LIMIT {
+            let most = TOTAL_LIMIT >> 30;
+            return Some(format!(
+                "{place} and those before have more than {most} GiB"
+            ));
+        }
+        if file.executable && !file.path.starts_with(PLUGINS) {
+            return Some(format!("{place} is no plugin, and may be executed"));
+        }
+        if file.sha256.len() != 64 || !file.sha256.bytes().all(|b| b.is_ascii_hexdigit()) {
+            return Some(format!("{place} has no SHA-256"));
+        }
+    }
+    // A file is no folder.
+    let parents = |name: &&str| {
+        let ends = name.match_indices('/').map(|(at, _)| at);
+        ends.collect::<Vec<_>>()
+    };
+    for name in &names {
+        for end in parents(name) {
+            if names.contains(&name[..end]) {
+                return Some(format!("`{}` is a file and a folder", shown(&name[..end])));
+            }
+        }
+    }
+    None
 }

@@ -10,8 +10,8 @@ use fleetyard_core::{InputError, open_regular, read_file, shown};
 use fleetyard_runtime::{Attach, Level};
 
 use super::SUITE;
-use super::archive::{MANIFEST, MANIFEST_LIMIT, Unpack, digest_of, unpack};
-use super::manifest::{BundledFile, Manifest};
+use super::archive::{MANIFEST_LIMIT, Unpack, digest_of, unpack};
+use super::manifest::{BundledFile, MANIFEST, Manifest};
 use crate::experiment::Experiment;
 use crate::row::Row;
 use crate::suite::Suite;

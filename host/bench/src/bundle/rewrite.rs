@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use fleetyard_core::InputError;
 use serde_json::{Map, Value, json};
 
-use super::archive::name_fault;
+use super::manifest::name_fault;
 use crate::options::Robots;
 use crate::suite::{FleetSetup, Source, Sources, Suite};
 

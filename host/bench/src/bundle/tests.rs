@@ -11,8 +11,8 @@ use fleetyard_core::InputError;
 use proptest::prelude::*;
 use tar::{EntryType, Header};
 
-use super::archive::{digest_of, name_fault};
-use super::manifest::{BundledFile, Manifest};
+use super::archive::digest_of;
+use super::manifest::{BundledFile, Manifest, name_fault};
 use super::{Bundle, Unpack, unpack, untar};
 
 /// Files in memory.

@@ -43,7 +43,7 @@ use roxmltree::{Attribute, Document, Node};
 use super::MapSize;
 use crate::files::quote;
 use crate::json::push_number;
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{InputError, Knot, Roadmap, TrajectoryPlan};
 
 /// The largest XML file that is read, in bytes: it is held as a tree of several times its

@@ -51,7 +51,7 @@ use saphyr_parser::Marker;
 use super::libmrp::text;
 use super::yaml::Yaml;
 use crate::json::push_number;
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{ControlPlan, InputError, Knot, TrajectoryPlan};
 
 /// States in a second.

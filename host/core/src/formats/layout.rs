@@ -23,7 +23,7 @@ use serde::Deserialize;
 
 use super::{Piece, pieces};
 use crate::files::{cut, shown};
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{GridPlan, InputError, OFF_MAP};
 
 /// The largest file of paths that is read, in bytes.

@@ -29,7 +29,7 @@ use super::pibt2::whole_number;
 use super::yaml::Yaml;
 use super::{AgentEntry, AgentList, MapSize};
 use crate::files::{quote, stem};
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{Grid, GridPlan, InputError, OFF_MAP};
 
 /// Largest map of an instance, in cells: dimensions are two numbers, so that a small

@@ -23,7 +23,7 @@ use super::pibt2::whole_number;
 use super::{AgentEntry, AgentList};
 use crate::files::{Lines, column, load_file, quote, read_file};
 use crate::json::json_error;
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{Grid, InputError, load_map, write_map};
 
 /// Largest JSON file, and largest list, that is read, in bytes.

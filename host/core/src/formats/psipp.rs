@@ -36,7 +36,7 @@ use std::fmt::Write as _;
 
 use crate::files::{column, quote};
 use crate::json::push_number;
-use crate::plan_file::PLAN_MAX_AGENTS;
+use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{InputError, Knot, Roadmap, TrajectoryPlan};
 
 /// The content of a problem: a roadmap, starts and goals as its vertices, and the radius of all

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::load::{Difference, Pressure};
+use super::load::{Difference, Pressure, milliseconds};
 
 /// The time from which on something counts as contention: a share of the time, and never less
 /// than a fixed time that measurement itself blurs.
@@ -258,10 +258,6 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
             })
         });
     reasons.collect()
-}
-
-pub(super) fn milliseconds(duration: Duration) -> f64 {
-    duration.as_secs_f64() * 1000.0
 }
 
 #[cfg(test)]

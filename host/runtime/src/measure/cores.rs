@@ -21,70 +21,14 @@
 //! This is no limit: without a `cpuset` a hostile planner can change its own mask.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use serde::Serialize;
 
-use super::Cpus;
-use super::core_locks::{Folder, Lock};
+use super::core_locks::{Folder, Lock, NoCores};
+use super::cpus::{Cpus, affinity};
 use super::layout::{Core, layout};
-use super::pinning::affinity;
 use super::source::Source;
-
-/// The reason why no cores are reserved. A trial can run without, and should say so.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, thiserror::Error)]
-#[serde(tag = "reason", rename_all = "kebab-case")]
-pub enum NoCores {
-    /// There are not enough.
-    #[error("{}", too_few(*.needed, *.free, *.reserved))]
-    TooFew {
-        /// Cores that the trial needs, the host's not counted.
-        needed: u32,
-        /// Cores that it could have had.
-        free: u32,
-        /// Cores that other trials and hosts hold.
-        reserved: u32,
-    },
-    /// The kernel does not say which CPUs share a core.
-    #[error("this machine does not tell which CPUs share a physical core")]
-    UnknownTopology,
-    /// The folder for the locks cannot be used.
-    #[error("cannot reserve cores in {}: {detail}", .folder.display())]
-    Folder {
-        /// The folder.
-        folder: PathBuf,
-        /// The system's reason.
-        detail: String,
-    },
-}
-
-fn too_few(needed: u32, free: u32, reserved: u32) -> String {
-    let cores = if needed == 1 { "core" } else { "cores" };
-    let are = |count| if count == 1 { "is" } else { "are" };
-    let others = match reserved {
-        0 => String::new(),
-        _ => format!(" and {reserved} {} reserved by others", are(reserved)),
-    };
-    let are = are(free);
-    format!("needs {needed} physical {cores} beside the host's, {free} {are} free{others}")
-}
-
-impl NoCores {
-    /// A way out for the user.
-    pub fn hint(&self) -> Option<&'static str> {
-        match self {
-            Self::TooFew { reserved: 0, .. } => {
-                Some("ask for fewer threads, or use a machine with more cores")
-            }
-            Self::TooFew { .. } => Some("wait until other trials on this machine have ended"),
-            Self::UnknownTopology => None,
-            Self::Folder { .. } => {
-                Some("set XDG_RUNTIME_DIR to a folder that only you may write to")
-            }
-        }
-    }
-}
 
 /// A core that this process may use.
 #[derive(Debug, Clone, PartialEq, Eq)]

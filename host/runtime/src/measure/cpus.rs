@@ -1,13 +1,21 @@
 //! Sets of logical CPUs, in the notation of the kernel: `0-3,8`.
 
 use std::fmt;
+use std::io;
 use std::ops::Deref;
 use std::str::FromStr;
 
+use rustix::process::Pid;
 use serde::{Deserialize, Serialize};
 
 /// CPUs are numbered below this; no kernel is built for more.
 pub(super) const CPU_LIMIT: u32 = 8192;
+
+/// Bits of a word of a mask.
+pub(super) const WORD: usize = libc::c_ulong::BITS as usize;
+
+/// The kernel's form of a mask: longer than `cpu_set_t`, which ends at 1024.
+pub(super) type Words = [libc::c_ulong; CPU_LIMIT as usize / WORD];
 
 /// Logical CPUs, ascending. Printed and serialised as the kernel lists them.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -96,6 +104,29 @@ impl<'de> Deserialize<'de> for Cpus {
         let text = std::borrow::Cow::<'de, str>::deserialize(d)?;
         text.parse().map_err(serde::de::Error::custom)
     }
+}
+
+/// The CPUs that a thread, by default the calling one, may run on.
+pub fn affinity(thread: Option<Pid>) -> io::Result<Cpus> {
+    let words = words_of(thread)?;
+    let cpus = (0..CPU_LIMIT).filter(|cpu| {
+        let cpu = *cpu as usize;
+        words[cpu / WORD] & (1 << (cpu % WORD)) != 0
+    });
+    Ok(cpus.collect())
+}
+
+/// The mask of a thread, as the kernel has it.
+pub(super) fn words_of(thread: Option<Pid>) -> io::Result<Words> {
+    let mut words: Words = [0; _];
+    let raw = Pid::as_raw(thread);
+    // SAFETY: the kernel writes at most as many bytes as the array has.
+    let done =
+        unsafe { libc::sched_getaffinity(raw, size_of::<Words>(), words.as_mut_ptr().cast()) };
+    if done != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    Ok(words)
 }
 
 #[cfg(test)]

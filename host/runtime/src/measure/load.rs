@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::Cpus;
-use super::contention::milliseconds;
 use super::source::Source;
 
 /// The kernel's counters at one moment.
@@ -320,6 +319,10 @@ impl Difference {
         let busy = self.busy_ms? as f64;
         Some((busy - milliseconds(cpu)).max(0.0))
     }
+}
+
+pub(super) fn milliseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1000.0
 }
 
 #[cfg(test)]

@@ -24,11 +24,12 @@ mod pinning;
 mod source;
 
 pub use contention::{Call, Cause, Reason, Spent, contended};
-pub use cores::{NoCores, Reservation, Topology};
-pub use cpus::Cpus;
+pub use core_locks::NoCores;
+pub use cores::{Reservation, Topology};
+pub use cpus::{Cpus, affinity};
 pub use load::{Difference, Snapshot};
 pub use machine::Machine;
-pub use pinning::{affinity, pin, pin_this_process};
+pub use pinning::{pin, pin_this_process};
 
 #[cfg(test)]
 mod fixture;

@@ -6,13 +6,8 @@ use rustix::process::Pid;
 
 use super::Cpus;
 use super::cores::Topology;
-use super::cpus::CPU_LIMIT;
+use super::cpus::{WORD, Words, words_of};
 use super::source::Source;
-
-const WORD: usize = libc::c_ulong::BITS as usize;
-
-/// The kernel's form of a mask: longer than `cpu_set_t`, which ends at 1024.
-type Words = [libc::c_ulong; CPU_LIMIT as usize / WORD];
 
 /// Confines a thread, by default the calling one, to these CPUs. Threads and
 /// processes that it starts from then on inherit that; its other threads do not.
@@ -62,26 +57,4 @@ pub fn pin_this_process(cpus: &Cpus) -> io::Result<()> {
             return Ok(());
         }
     }
-}
-
-/// The CPUs that a thread, by default the calling one, may run on.
-pub fn affinity(thread: Option<Pid>) -> io::Result<Cpus> {
-    let words = words_of(thread)?;
-    let cpus = (0..CPU_LIMIT).filter(|cpu| {
-        let cpu = *cpu as usize;
-        words[cpu / WORD] & (1 << (cpu % WORD)) != 0
-    });
-    Ok(cpus.collect())
-}
-
-fn words_of(thread: Option<Pid>) -> io::Result<Words> {
-    let mut words: Words = [0; _];
-    let raw = Pid::as_raw(thread);
-    // SAFETY: the kernel writes at most as many bytes as the array has.
-    let done =
-        unsafe { libc::sched_getaffinity(raw, size_of::<Words>(), words.as_mut_ptr().cast()) };
-    if done != 0 {
-        return Err(io::Error::last_os_error());
-    }
-    Ok(words)
 }
