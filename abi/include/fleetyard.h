@@ -39,8 +39,9 @@
 #define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
 #define FLEETYARD_KEPT_ID "fleetyard.kept/1"
 
-/* Identifiers for get_extension of a sink: FleetyardKeep. */
+/* Identifiers for get_extension of a sink: FleetyardKeep, FleetyardAnnotations. */
 #define FLEETYARD_KEEP_ID "fleetyard.keep/1"
+#define FLEETYARD_ANNOTATIONS_ID "fleetyard.annotations/1"
 
 
 /*
@@ -189,6 +190,26 @@
  Form of a plan: `FleetyardTrajectories`, knots or controls in the plane.
  */
 #define FLEETYARD_FORM_TRAJECTORIES 3
+
+/*
+ Shape of an annotation: points in the plane.
+ */
+#define FLEETYARD_SHAPE_POINTS 1
+
+/*
+ Shape of an annotation: lines from point to point.
+ */
+#define FLEETYARD_SHAPE_LINES 2
+
+/*
+ Shape of an annotation: lines from point to point, and back to the first.
+ */
+#define FLEETYARD_SHAPE_RINGS 3
+
+/*
+ Shape of an annotation: places, and lines from place to place.
+ */
+#define FLEETYARD_SHAPE_PLACES 4
 
 /*
  No cell, vertex or agent.
@@ -1524,6 +1545,86 @@ typedef struct FleetyardSink {
    */
   const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardSink;
+
+/*
+ Something that a planner wants to show, such as a constraint, a conflict or a tree: shapes of a
+ layer. It is shown and never judged. An annotation has at most 32,768 shapes and as many points
+ or places together.
+ */
+typedef struct FleetyardAnnotation {
+  /*
+   `sizeof(FleetyardAnnotation)`.
+   */
+  uint32_t struct_size;
+  /*
+   One of `FLEETYARD_SHAPE_*`.
+   */
+  int32_t shape;
+  /*
+   Name of the layer, 1 to 64 bytes without control characters: what is shown or hidden
+   together.
+   */
+  struct FleetyardStr layer;
+  /*
+   For people, at most 1024 bytes; may be empty.
+   */
+  struct FleetyardStr text;
+  /*
+   The agent that it is about, or `FLEETYARD_NONE`.
+   */
+  uint32_t agent;
+  /*
+   Number of shapes.
+   */
+  uint32_t count;
+  /*
+   When it begins to hold, in seconds of the plan, from 0.
+   */
+  double from_s;
+  /*
+   When it ends; infinite where it does not.
+   */
+  double to_s;
+  /*
+   `count + 1` offsets of the shapes into the points or places.
+   */
+  const uint64_t *offsets;
+  /*
+   x of the points; may be null for places.
+   */
+  const double *x_m;
+  /*
+   y of the points; may be null for places.
+   */
+  const double *y_m;
+  /*
+   Cells or vertices; null but for places.
+   */
+  const uint32_t *places;
+  /*
+   `count` numbers, one for each shape, for colours; may be null.
+   */
+  const double *values;
+} FleetyardAnnotation;
+
+/*
+ Extension of the sink of `plan` and `recover`, null unless somebody wants to see annotations.
+ */
+typedef struct FleetyardAnnotations {
+  /*
+   `sizeof(FleetyardAnnotations)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `[any-thread]` Hands over an annotation, with the sink's context. Copies. Returns as
+   `submit_plan`: `FLEETYARD_BUSY` when the host keeps no more of them, which may be ignored.
+   */
+  int32_t (*annotate)(void *context, const struct FleetyardAnnotation *annotation);
+} FleetyardAnnotations;
 
 /*
  Services of the host for the plugin. Valid from `init` to `deinit`.

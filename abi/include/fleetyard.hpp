@@ -1221,6 +1221,90 @@ struct Request {
   }
 };
 
+/* Something that a planner wants to show: shapes of a layer. It is shown and never judged. */
+struct Annotation {
+  std::string layer;
+  std::string text;
+  /* Whom it is about. */
+  std::uint32_t agent = none;
+  /* When it holds, in seconds of the plan. */
+  double from_s = 0, to_s = std::numeric_limits<double>::infinity();
+  /* A number for each shape, for colours; may be empty. */
+  std::vector<double> values;
+};
+
+/* Takes what a planner wants to show, from any thread. */
+class Annotations {
+public:
+  Annotations(const FleetyardAnnotations &raw, void *context) : raw_(&raw), context_(context) {}
+
+  /* Points in the plane, each a shape. `busy` says that the host keeps no more of them. */
+  Result points(const Annotation &about, const std::vector<Point> &points) const {
+    std::vector<std::vector<Point>> shapes;
+    for (const Point &point : points)
+      shapes.push_back({point});
+    return plane(about, FLEETYARD_SHAPE_POINTS, shapes);
+  }
+  /* Lines from point to point. */
+  Result lines(const Annotation &about, const std::vector<std::vector<Point>> &shapes) const {
+    return plane(about, FLEETYARD_SHAPE_LINES, shapes);
+  }
+  /* Lines from point to point, and back to the first. */
+  Result rings(const Annotation &about, const std::vector<std::vector<Point>> &shapes) const {
+    return plane(about, FLEETYARD_SHAPE_RINGS, shapes);
+  }
+  /* Cells or vertices: of each shape one place, or a way from place to place. */
+  Result places(const Annotation &about, const std::vector<std::vector<Place>> &shapes) const {
+    const Plan flat(shapes); // the same form: lists of places
+    FleetyardAnnotation raw = begun(about, FLEETYARD_SHAPE_PLACES, shapes.size());
+    raw.offsets = flat.offsets().data();
+    raw.places = flat.entries().data();
+    return submit(raw);
+  }
+
+private:
+  static FleetyardAnnotation begun(const Annotation &about, std::int32_t shape,
+                                   std::size_t count) {
+    if (!about.values.empty() && about.values.size() != count)
+      detail::invalid("an annotation has " + std::to_string(about.values.size()) +
+                      " values for " + std::to_string(count) + " shapes");
+    FleetyardAnnotation raw{};
+    raw.struct_size = sizeof raw;
+    raw.shape = shape;
+    raw.layer = detail::str(about.layer);
+    raw.text = detail::str(about.text);
+    raw.agent = about.agent;
+    raw.count = static_cast<std::uint32_t>(count);
+    raw.from_s = about.from_s;
+    raw.to_s = about.to_s;
+    raw.values = about.values.empty() ? nullptr : about.values.data();
+    return raw;
+  }
+  Result plane(const Annotation &about, std::int32_t shape,
+               const std::vector<std::vector<Point>> &shapes) const {
+    std::vector<std::uint64_t> offsets{0};
+    std::vector<double> xs, ys;
+    for (const std::vector<Point> &points : shapes) {
+      for (const Point &point : points) {
+        xs.push_back(point.x_m);
+        ys.push_back(point.y_m);
+      }
+      offsets.push_back(xs.size());
+    }
+    FleetyardAnnotation raw = begun(about, shape, shapes.size());
+    raw.offsets = offsets.data();
+    raw.x_m = xs.data();
+    raw.y_m = ys.data();
+    return submit(raw);
+  }
+  Result submit(const FleetyardAnnotation &raw) const {
+    return static_cast<Result>(raw_->annotate(context_, &raw));
+  }
+
+  const FleetyardAnnotations *raw_;
+  void *context_;
+};
+
 /* The host's ear during a call, for any thread. */
 class Sink {
 public:
@@ -1323,6 +1407,15 @@ public:
     return raw_->get_extension(raw_->context, detail::str(id));
   }
   void *context() const noexcept { return raw_->context; }
+  /* Takes what a planner wants to show; empty unless somebody wants to see it. The plan must not
+   * depend on it. */
+  std::optional<Annotations> annotations() const {
+    const auto *raw =
+        static_cast<const FleetyardAnnotations *>(extension(FLEETYARD_ANNOTATIONS_ID));
+    if (!raw)
+      return std::nullopt;
+    return Annotations(detail::checked(raw, "annotations"), raw_->context);
+  }
 
 private:
   /* Knots, beside the controls that are in the body already. */

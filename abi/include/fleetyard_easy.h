@@ -790,6 +790,58 @@ static inline int32_t fleetyard_submit(const FleetyardPaths *paths, const Fleety
   return fleetyard_taken(code, sink);
 }
 
+/* ---- Annotations ------------------------------------------------------------- */
+
+/* Takes what a planner wants to show; null unless somebody wants to see it, so that `plan` does no
+ * work for nobody. */
+static inline const FleetyardAnnotations *fleetyard_annotations(const FleetyardSink *sink) {
+  const FleetyardAnnotations *annotations = (const FleetyardAnnotations *)sink->get_extension(
+      sink->context, fleetyard_text(FLEETYARD_ANNOTATIONS_ID));
+  return annotations && annotations->struct_size >= sizeof *annotations ? annotations : NULL;
+}
+
+/* An annotation of a layer that holds at all times, without shapes so far. */
+static inline FleetyardAnnotation fleetyard_annotation(const char *layer, const char *text) {
+  FleetyardAnnotation annotation;
+  memset(&annotation, 0, sizeof annotation);
+  annotation.struct_size = sizeof annotation;
+  annotation.layer = fleetyard_text(layer);
+  annotation.text = fleetyard_text(text);
+  annotation.agent = FLEETYARD_NONE;
+  annotation.to_s = INFINITY;
+  return annotation;
+}
+
+/* Hands over places as one shape: a way from place to place. What the host does not keep, it counts. */
+static inline void fleetyard_annotate_places(const FleetyardSink *sink,
+                                             FleetyardAnnotation annotation,
+                                             const uint32_t *places, uint32_t count) {
+  const FleetyardAnnotations *annotations = fleetyard_annotations(sink);
+  const uint64_t offsets[2] = {0, count};
+  annotation.shape = FLEETYARD_SHAPE_PLACES;
+  annotation.count = 1;
+  annotation.offsets = offsets;
+  annotation.places = places;
+  if (annotations)
+    annotations->annotate(sink->context, &annotation);
+}
+
+/* Hands over points as one shape: FLEETYARD_SHAPE_POINTS, _LINES or _RINGS. */
+static inline void fleetyard_annotate_points(const FleetyardSink *sink,
+                                             FleetyardAnnotation annotation, int32_t shape,
+                                             const double *x_m, const double *y_m,
+                                             uint32_t count) {
+  const FleetyardAnnotations *annotations = fleetyard_annotations(sink);
+  const uint64_t offsets[2] = {0, count};
+  annotation.shape = shape;
+  annotation.count = 1;
+  annotation.offsets = offsets;
+  annotation.x_m = x_m;
+  annotation.y_m = y_m;
+  if (annotations)
+    annotations->annotate(sink->context, &annotation);
+}
+
 /* Refuses a plan that somebody else left, unless it has a path of cells for each agent. */
 static inline int32_t fleetyard_check_cells(const FleetyardPlan *plan,
                                             const FleetyardInstance *instance,

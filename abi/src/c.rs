@@ -58,6 +58,9 @@ pub const KEEP_ID: &str = "fleetyard.keep/1";
 /// Most bytes that a plugin may keep.
 pub const KEPT_LIMIT: u64 = 1 << 20;
 
+/// `FleetyardSink::get_extension` identifier of `FleetyardAnnotations`.
+pub const ANNOTATIONS_ID: &str = "fleetyard.annotations/1";
+
 /// Success, for functions that return a result code.
 pub const OK: i32 = 0;
 /// The submitted data are malformed: the call is lost.
@@ -116,6 +119,14 @@ pub const FORM_CELLS: i32 = 1;
 pub const FORM_VISITS: i32 = 2;
 /// Form of a plan: `FleetyardTrajectories`, knots or controls in the plane.
 pub const FORM_TRAJECTORIES: i32 = 3;
+/// Shape of an annotation: points in the plane.
+pub const SHAPE_POINTS: i32 = 1;
+/// Shape of an annotation: lines from point to point.
+pub const SHAPE_LINES: i32 = 2;
+/// Shape of an annotation: lines from point to point, and back to the first.
+pub const SHAPE_RINGS: i32 = 3;
+/// Shape of an annotation: places, and lines from place to place.
+pub const SHAPE_PLACES: i32 = 4;
 /// No cell, vertex or agent.
 pub const NONE: u32 = u32::MAX;
 
@@ -909,6 +920,57 @@ pub struct Sink {
     /// (`fleetyard.NAME/REVISION`), or null when the host has no use for it. Its functions take
     /// the sink's context.
     pub get_extension: Option<unsafe extern "C" fn(context: *mut c_void, id: Str) -> *const c_void>,
+}
+
+/// Something that a planner wants to show, such as a constraint, a conflict or a tree: shapes of a
+/// layer. It is shown and never judged. An annotation has at most 32,768 shapes and as many points
+/// or places together.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Annotation {
+    /// `sizeof(FleetyardAnnotation)`.
+    pub struct_size: u32,
+    /// One of `FLEETYARD_SHAPE_*`.
+    pub shape: i32,
+    /// Name of the layer, 1 to 64 bytes without control characters: what is shown or hidden
+    /// together.
+    pub layer: Str,
+    /// For people, at most 1024 bytes; may be empty.
+    pub text: Str,
+    /// The agent that it is about, or `FLEETYARD_NONE`.
+    pub agent: u32,
+    /// Number of shapes.
+    pub count: u32,
+    /// When it begins to hold, in seconds of the plan, from 0.
+    pub from_s: f64,
+    /// When it ends; infinite where it does not.
+    pub to_s: f64,
+    /// `count + 1` offsets of the shapes into the points or places.
+    pub offsets: *const u64,
+    /// x of the points; may be null for places.
+    pub x_m: *const f64,
+    /// y of the points; may be null for places.
+    pub y_m: *const f64,
+    /// Cells or vertices; null but for places.
+    pub places: *const u32,
+    /// `count` numbers, one for each shape, for colours; may be null.
+    pub values: *const f64,
+}
+
+/// Extension of the sink of `plan` and `recover`, null unless somebody wants to see annotations.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Annotations {
+    /// `sizeof(FleetyardAnnotations)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// `[any-thread]` Hands over an annotation, with the sink's context. Copies. Returns as
+    /// `submit_plan`: `FLEETYARD_BUSY` when the host keeps no more of them, which may be ignored.
+    pub annotate:
+        Option<unsafe extern "C" fn(context: *mut c_void, annotation: *const Annotation) -> i32>,
 }
 
 /// Services of the host for the plugin. Valid from `init` to `deinit`.

@@ -118,6 +118,23 @@ impl Environment {
         }
     }
 
+    /// The middle of a cell or the point of a vertex, if there is such a place.
+    pub fn place_m(&self, place: u32) -> Option<[f64; 2]> {
+        match &self.view {
+            View::Grid(grid) => {
+                let (row, col) = (place / grid.cols, place % grid.cols);
+                let middle = |index: u32| (f64::from(index) + 0.5) * grid.cell_size_m;
+                let [x, y] = grid.origin_m;
+                (row < grid.rows).then(|| [x + middle(col), y + middle(grid.rows - row - 1)])
+            }
+            View::Roadmap(roadmap) => {
+                let at = place as usize;
+                Some([*roadmap.x_m.get(at)?, *roadmap.y_m.get(at)?])
+            }
+            View::Workspace(_) => None,
+        }
+    }
+
     /// The capabilities that a plugin must have to learn it.
     pub fn needs(&self) -> Capabilities {
         let needed = match &self.view {

@@ -82,6 +82,8 @@ const LAYOUTS: &[NamedLayout] = layouts![
     GoalTasks,
     Bytes,
     Keep,
+    Annotation,
+    Annotations,
 ];
 
 /// The layouts as this build of the crate has them.

@@ -22,6 +22,7 @@
     clippy::elidable_lifetime_names
 )]
 
+pub mod annotation;
 pub mod c;
 mod clock;
 pub mod convert;
@@ -41,6 +42,7 @@ pub mod sdk;
 pub mod serve;
 pub mod wire;
 
+pub use annotation::{Annotation, Shape};
 pub use clock::monotonic_ns;
 pub use environment::*;
 pub use lists::{Goals, Lists};

@@ -75,6 +75,7 @@
 
 use serde::de::DeserializeOwned;
 
+use crate::annotation::Annotation;
 use crate::model::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, LogLevel,
     PathEncoding, Request, SharedEnvironment, Status,
@@ -164,6 +165,18 @@ pub trait Sink: Sync {
     /// True if the call should end: its [`answer_by_ns`](Budget::answer_by_ns) has passed, or the
     /// host gave up on it. Cheap; ask often.
     fn cancelled(&self) -> bool;
+    /// Takes what a planner wants to show, in `plan` and `recover`; `None` unless somebody wants to
+    /// see it. The plan must not depend on it.
+    fn annotations(&self) -> Option<&dyn Annotations> {
+        None
+    }
+}
+
+/// Receives what a planner wants to show, from any thread.
+pub trait Annotations: Sync {
+    /// Hands over an annotation. [`Rejected::Busy`] says that the host keeps no more of them, and
+    /// may be ignored.
+    fn annotate(&self, annotation: &Annotation) -> Result<(), Rejected>;
 }
 
 impl dyn Sink + '_ {

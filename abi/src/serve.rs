@@ -5,6 +5,7 @@
 //! ([`serve_stdio`]), and the host's worker process, whose catalogue is a shared
 //! library.
 
+use std::borrow::Cow;
 use std::io::{self, BufRead, BufReader, IsTerminal, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,6 +17,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use crate::annotation::Annotation;
+use crate::c::ANNOTATIONS_ID;
 use crate::clock::monotonic_ns;
 use crate::export::panic_message;
 use crate::memory::{Kept, may_be_kept};
@@ -23,7 +26,7 @@ use crate::model::{self, Budget, Instance, LogLevel, PathEncoding, SharedEnviron
 use crate::object::Object;
 use crate::paths::{PlanContext, WritePlan};
 use crate::plan::PlanRef;
-use crate::sdk::{Catalog, Failure, Options, Rejected, Sink};
+use crate::sdk::{Annotations, Catalog, Failure, Options, Rejected, Sink};
 use crate::wire::{
     self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, InitializeParams,
     InitializeResult, KeepParams, LogParams, MetricParams, NoteParams, Outcome, PlanParams,
@@ -264,12 +267,17 @@ impl<W: Write + Send> Server<'_, W> {
                 channel.reply(id, outcome(result)?);
             }
             "plan" => {
-                let PlanParams { instance, budget } = params(text)?;
+                let PlanParams {
+                    instance,
+                    budget,
+                    extensions,
+                } = params(text)?;
                 let Some(Object::Planner(planner)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
                 };
                 let context = plan_context(self.environment.as_ref(), &instance)?;
                 let sink = channel.sink(id, Some(&budget), Answer::Plan(context));
+                let sink = sink.with(&extensions);
                 let began_ns = monotonic_ns();
                 let result = planner.plan(&instance, &budget, &sink);
                 let call_ns = sink.worked_ns(began_ns);
@@ -280,6 +288,7 @@ impl<W: Write + Send> Server<'_, W> {
                     instance,
                     budget,
                     failed_plan,
+                    extensions,
                 } = serde_json::from_str(text).map_err(invalid_params)?;
                 let Some(Object::FailPolicy(policy)) = &mut self.object else {
                     return Err(wrong_object(method, self.object.as_ref()));
@@ -294,6 +303,7 @@ impl<W: Write + Send> Server<'_, W> {
                     None => None,
                 };
                 let sink = channel.sink(id, Some(&budget), Answer::Plan(context));
+                let sink = sink.with(&extensions);
                 let failed = failed.as_ref();
                 let began_ns = monotonic_ns();
                 let result = policy.recover(&instance, failed, &budget, &sink);
@@ -445,6 +455,7 @@ impl<'a, W: Write + Send> Channel<'a, W> {
             answer_by_ns: budget.map_or(u64::MAX, |budget| budget.answer_by_ns),
             deadline_ns: budget.map_or(u64::MAX, |budget| budget.deadline_monotonic_ns),
             answer,
+            annotations: false,
             thread: thread::current().id(),
             writing_ns: AtomicU64::new(0),
         }
@@ -475,12 +486,22 @@ struct WireSink<'a, W> {
     answer_by_ns: u64,
     deadline_ns: u64,
     answer: Answer<'a>,
+    /// The host wants annotations.
+    annotations: bool,
     /// The call's own thread, and how long it has written messages.
     thread: ThreadId,
     writing_ns: AtomicU64,
 }
 
 impl<W: Write + Send> WireSink<'_, W> {
+    /// With these extensions of the host.
+    fn with(self, extensions: &[Cow<'_, str>]) -> Self {
+        Self {
+            annotations: extensions.iter().any(|id| id == ANNOTATIONS_ID),
+            ..self
+        }
+    }
+
     /// Nanoseconds that the call which began at `began_ns` has worked until now.
     fn worked_ns(&self, began_ns: u64) -> u64 {
         (monotonic_ns() - began_ns).saturating_sub(self.writing_ns.load(Ordering::Relaxed))
@@ -578,6 +599,17 @@ impl<W: Write + Send> Sink for WireSink<'_, W> {
 
     fn cancelled(&self) -> bool {
         self.given_up() || monotonic_ns() >= self.answer_by_ns
+    }
+
+    fn annotations(&self) -> Option<&dyn Annotations> {
+        self.annotations.then_some(self as &dyn Annotations)
+    }
+}
+
+impl<W: Write + Send> Annotations for WireSink<'_, W> {
+    fn annotate(&self, annotation: &Annotation) -> Result<(), Rejected> {
+        self.send(&Request::notification("annotation", annotation));
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The JSON wire: newline-delimited JSON-RPC 2.0.
 //!
 //! The host sends requests and `$/cancel`; the plugin sends responses and the
-//! notifications `incumbent`, `keep`, `metric`, `note`, `progress` and `log`. One message a
+//! notifications `incumbent`, `annotation`, `keep`, `metric`, `note`, `progress` and `log`. One message a
 //! line, UTF-8, no batches. The protocol has a version of its own.
 //!
 //! | method | parameters | result |
@@ -23,6 +23,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use crate::annotation::Annotation;
 use crate::environment::Environment;
 use crate::memory::Kept;
 use crate::model::{
@@ -250,6 +251,10 @@ pub struct PlanParams<I = Instance> {
     pub instance: I,
     /// Limits of this call.
     pub budget: Budget,
+    /// Identifiers of the extensions that the host has for this call because somebody wants them,
+    /// such as `fleetyard.annotations/1`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extensions: Vec<Cow<'static, str>>,
 }
 
 /// A plan in one of its forms, still as text; see [`crate::paths::PlanContext`].
@@ -280,6 +285,10 @@ impl PlanText<'_> {
 /// Parameters of the notification `incumbent`: a plan, better than the last.
 pub type IncumbentParams<'a> = PlanText<'a>;
 
+/// Parameters of the notification `annotation`, with the extension
+/// [`ANNOTATIONS_ID`](crate::c::ANNOTATIONS_ID): something to show.
+pub type AnnotationParams = Annotation;
+
 /// Parameters of `recover`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "RecoverParams")]
@@ -292,6 +301,9 @@ pub struct RecoverParams<'a, I = Instance> {
     #[serde(borrow, default)]
     #[schemars(with = "Option<PlanText<'_>>")]
     pub failed_plan: Option<&'a RawValue>,
+    /// As in `plan`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extensions: Vec<Cow<'static, str>>,
 }
 
 /// Result of `plan` and `recover`, the plan still as text. It may be left out when the last

@@ -44,6 +44,7 @@
 #include <linux/filter.h>
 #include <linux/perf_event.h>
 #include <locale.h>
+#include <math.h>
 #include <netinet/in.h>
 #include <pthread.h>
 #include <pwd.h>

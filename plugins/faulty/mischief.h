@@ -37,7 +37,10 @@
   F("garbage", garbage) F("flood", flood) F("flood-stderr", flood_stderr)              \
   F("log-flood", log_flood) F("nan", nan_metric) F("partial", partial)                 \
   F("negative-expansions", negative_expansions) F("half-node", half_node)              \
-  F("nan-bound", nan_bound)                                                            \
+  F("nan-bound", nan_bound) F("annotation-flood", annotation_flood)                    \
+  F("annotation-outside", annotation_outside) F("annotation-shape", annotation_shape)  \
+  F("annotation-nan", annotation_nan) F("annotation-offsets", annotation_offsets)      \
+  F("annotation-count", annotation_count)                                              \
   F("wrong-id", wrong_id) F("closes-stdio", closes_stdio)                              \
   F("closes-everything", closes_everything)                                            \
   /* files */                                                                          \
@@ -749,6 +752,72 @@ static void nan_bound(const Faulty *faulty, const FleetyardSink *sink) {
   (void)faulty;
   volatile double zero = 0;
   metric(sink, "lower_bound", zero / zero);
+}
+
+/* Hands over an annotation of four places, or of what it was made into, so often. */
+static void annotate(const FleetyardSink *sink, FleetyardAnnotation *annotation, uint64_t times) {
+  static const uint64_t offsets[] = {0, 2, 4};
+  static const uint32_t places[] = {0, 1, 2, 3};
+  static const double numbers[] = {0, 1, 2, 3};
+  const FleetyardStr id = {FLEETYARD_ANNOTATIONS_ID, sizeof FLEETYARD_ANNOTATIONS_ID - 1};
+  const FleetyardAnnotations *annotations = sink->get_extension(sink->context, id);
+  annotation->struct_size = sizeof *annotation;
+  annotation->layer = (FleetyardStr){"mischief", 8};
+  annotation->agent = FLEETYARD_NONE;
+  annotation->to_s = HUGE_VAL;
+  if (!annotation->shape)
+    annotation->shape = FLEETYARD_SHAPE_PLACES;
+  if (!annotation->count)
+    annotation->count = 2;
+  if (!annotation->offsets)
+    annotation->offsets = offsets;
+  if (!annotation->places)
+    annotation->places = places;
+  if (!annotation->x_m)
+    annotation->x_m = annotation->y_m = numbers;
+  for (uint64_t i = 0; annotations && i < times; i++)
+    annotations->annotate(sink->context, annotation);
+}
+
+/* More than anybody can look at, each in order. */
+static void annotation_flood(const Faulty *faulty, const FleetyardSink *sink) {
+  FleetyardAnnotation annotation = {0};
+  annotate(sink, &annotation, or_else(faulty->count, 50000));
+}
+
+static void annotation_outside(const Faulty *faulty, const FleetyardSink *sink) {
+  static const uint32_t places[] = {0, 1, 2, 1 << 30};
+  FleetyardAnnotation annotation = {.places = places};
+  (void)faulty;
+  annotate(sink, &annotation, 1);
+}
+
+static void annotation_shape(const Faulty *faulty, const FleetyardSink *sink) {
+  FleetyardAnnotation annotation = {.shape = 99};
+  (void)faulty;
+  annotate(sink, &annotation, 1);
+}
+
+static void annotation_nan(const Faulty *faulty, const FleetyardSink *sink) {
+  volatile double zero = 0;
+  const double numbers[] = {0, 1, zero / zero, 3};
+  FleetyardAnnotation annotation = {
+      .shape = FLEETYARD_SHAPE_LINES, .x_m = numbers, .y_m = numbers};
+  (void)faulty;
+  annotate(sink, &annotation, 1);
+}
+
+static void annotation_offsets(const Faulty *faulty, const FleetyardSink *sink) {
+  static const uint64_t offsets[] = {0, 1u << 30, 4};
+  FleetyardAnnotation annotation = {.offsets = offsets};
+  (void)faulty;
+  annotate(sink, &annotation, 1);
+}
+
+static void annotation_count(const Faulty *faulty, const FleetyardSink *sink) {
+  FleetyardAnnotation annotation = {.count = UINT32_MAX};
+  (void)faulty;
+  annotate(sink, &annotation, 1);
 }
 
 /* Writes to every pipe and socket that the plugin was not given: the worker's way to

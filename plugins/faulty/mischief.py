@@ -568,6 +568,26 @@ def half_node(call):
     call.notify("metric", name="nodes", value=0.5)
 
 
+def annotate(call, **about):
+    call.notify("annotation", **{"layer": "mischief", "shape": "places", "places": [[0, 1]], **about})
+
+
+@fault
+def annotation_flood(call):
+    for _ in range(call.count(50000)):
+        annotate(call)
+
+
+@fault
+def annotation_outside(call):
+    annotate(call, places=[[0], [1 << 30]])
+
+
+@fault
+def annotation_shape(call):
+    annotate(call, shape="cube")
+
+
 @fault
 def malformed(call):
     call.write(b'{"jsonrpc":"2.0","id":,"result"}\n')

@@ -417,7 +417,7 @@ const PROMISES: &[Promise] = &[
     (
         "promising",
         "unseeded",
-        "deterministic repeated-calls unknown-part memory-replayed",
+        "deterministic repeated-calls unknown-part memory-replayed annotations-off",
     ),
     ("promising", "old-answer", "repeated-calls memory-replayed"),
     (
@@ -434,6 +434,7 @@ const PROMISES: &[Promise] = &[
     ("promising", "refuses-parts", "unknown-part"),
     ("promising", "remembers-calls", "memory-replayed"),
     ("promising", "dies-of-bytes", "kept-bytes!"),
+    ("promising", "plans-for-the-gallery", "annotations-off"),
     ("promising", "short-seeds", "seed-53"),
     ("promising-roads", "none", ""),
     ("promising-plane", "none", ""),
@@ -568,7 +569,7 @@ const DESCRIBED: &[(&str, &str)] = &[
     (
         "contradiction",
         "descriptor ending made-again memory-growth output repeated-calls thread-limit \
-         unknown-part critical-part seed-53",
+         unknown-part critical-part annotations-off seed-53",
     ),
 ];
 
@@ -658,16 +659,16 @@ fn deaf_is_stopped() {
 
 /// Cases that judge plans which the faulty planners can make.
 const JUDGED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline";
+    deterministic unknown-part critical-part annotations-off seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline";
 
 /// Those, and cases that ask for a plan without looking at it.
 const ANSWERED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
+    deterministic unknown-part critical-part annotations-off seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth";
 
 /// Every case that asks a planner anything.
 const ASKED: &str = "one-cell one-agent arrived following crossing random-instances makespan figures \
-    deterministic unknown-part critical-part seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
+    deterministic unknown-part critical-part annotations-off seed-53 repeated-calls other-map made-again bad-input cancelled prepare-deadline \
     output ending memory-growth cycle passing-bay no-room unreachable-goal node-limit deadline \
     thread-limit";
 

@@ -396,6 +396,9 @@ fn misbehave(fault: &str, by: By, arguments: &str) -> Ended {
     let ended = yard.run(&line);
     let record = ended.json();
     let mut files = BTreeSet::from(["picture.svg".to_owned()]);
+    if arguments.contains("--annotations") {
+        files.insert("annotations.json".into());
+    }
     if !record["plan_digest"].is_null() {
         let plan: Value = serde_json::from_slice(&yard.read("plan.json")).unwrap();
         assert_eq!(plan["plan_digest"], record["plan_digest"]);
@@ -560,6 +563,72 @@ const GROUPS: &[Group] = &[
                 &["reported `internal-error` from `plan`: failed as asked"],
             ),
             ("rpc-error", &[Stdio], &["failed as asked"]),
+        ],
+    },
+    // What is more than is kept is counted, and the plan is as good.
+    Group {
+        name: "more to show than is kept",
+        arguments: "--annotations annotations.json",
+        code: SUCCESS,
+        termination: "completed",
+        cases: &[
+            (
+                "annotation-flood",
+                ALL,
+                &["40000 annotations were left out: 10000 are all that is kept of a call"],
+            ),
+            ("none", ALL, &[]),
+        ],
+    },
+    Group {
+        name: "nonsense to show",
+        arguments: "--annotations annotations.json",
+        code: PLUGIN,
+        termination: "protocol-error",
+        cases: &[
+            (
+                "annotation-outside",
+                ALL,
+                &["an annotation of the layer `mischief`: shape 1 has place 1073741824, but there"],
+            ),
+            (
+                "annotation-nan",
+                LIBRARY,
+                &["layer `mischief`: shape 1 has the point (NaN, NaN), which is not finite"],
+            ),
+            (
+                "annotation-offsets",
+                LIBRARY,
+                &["annotation.offsets do not begin with 0 or are out of order"],
+            ),
+            (
+                "annotation-count",
+                LIBRARY,
+                &["annotation.count is 4294967295, at most 32768 may be"],
+            ),
+            (
+                "annotation-shape",
+                LIBRARY,
+                &["annotation.shape 99 is unknown"],
+            ),
+            (
+                "annotation-shape",
+                &[Stdio],
+                &["the field `shape` is wrong: unknown variant `cube`"],
+            ),
+        ],
+    },
+    // Nobody wants to see it, and nobody looks at it.
+    Group {
+        name: "nonsense that nobody asked for",
+        arguments: "",
+        code: SUCCESS,
+        termination: "completed",
+        cases: &[
+            ("annotation-flood", ALL, &[]),
+            ("annotation-outside", ALL, &[]),
+            ("annotation-shape", ALL, &[]),
+            ("annotation-count", LIBRARY, &[]),
         ],
     },
     // A claim is passed on as a claim.

@@ -4,6 +4,7 @@
 mod adapters;
 mod adapters_real;
 mod adapters_views;
+mod annotations;
 mod architecture;
 mod attachments;
 mod bench;

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use fleetyard_abi::annotation;
 use fleetyard_abi::figures::FIGURES;
 use fleetyard_abi::wire::Envelope;
 use fleetyard_runtime::Limits;
@@ -190,6 +191,30 @@ fn limits() -> String {
             mib(bounds::OLDER_BYTES),
         ),
         ("log that is kept", mib(bounds::LOG_BYTES)),
+        (
+            "shapes of an annotation, and its points or places together",
+            annotation::MOST_POINTS.to_string(),
+        ),
+        (
+            "bytes of the name of a layer, and of the text of an annotation",
+            format!(
+                "{}, {}",
+                annotation::MOST_LAYER_BYTES,
+                annotation::MOST_TEXT_BYTES
+            ),
+        ),
+        (
+            "annotations of one call that are kept, and their layers",
+            format!("{}, {}", bounds::ANNOTATIONS, bounds::ANNOTATION_LAYERS),
+        ),
+        (
+            "shapes, points and places of all of them, and bytes of their texts",
+            format!(
+                "{}, {}",
+                bounds::ANNOTATION_POINTS,
+                bounds::ANNOTATION_TEXT_BYTES
+            ),
+        ),
     ] {
         let _ = writeln!(out, "| {what} | {limit} |");
     }

@@ -17,6 +17,7 @@ The host starts the script and speaks JSON with it over standard input and
 output; :func:`run` is the plugin's side of that. Standard library only.
 """
 
+from ._annotations import Annotations
 from ._failures import (
     Cancelled,
     Failure,
@@ -60,6 +61,7 @@ __all__ = [
     "KEPT_LIMIT",
     "OFF_MAP",
     "PROTOCOL_VERSION",
+    "Annotations",
     "Assignment",
     "Budget",
     "Cancelled",

@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, Callable, ClassVar, Dict, Mapping, Optional, Sequence
 
 from ._failures import Cancelled, InvalidInput, TimedOut
+from ._annotations import Annotations
 from ._maps import Environment, Grid, Roadmap, Workspace
 from ._memory import KEPT_LIMIT
 from ._model import Budget, FleetState, FleetStatus, Instance, Request
@@ -31,6 +32,7 @@ class Context:
         budget: Optional[Budget] = None,
         form: Optional[Form] = None,
         keeps: bool = False,
+        extensions: Sequence[str] = (),
     ) -> None:
         self._channel = channel
         self._request = request
@@ -40,6 +42,13 @@ class Context:
         self._submitted = False
         self._thread = threading.get_ident()
         self._writing_ns = 0
+        self.annotations: Optional[Annotations] = None
+        """Takes what a planner wants to show; ``None`` unless somebody wants to see it. The plan must
+        not depend on it."""
+        if Annotations.ID in extensions:
+            self.annotations = Annotations(
+                lambda params: self._notify("annotation", lambda: params)
+            )
 
     def cancelled(self) -> bool:
         """True if the call should end: its :attr:`Budget.answer_by_ns` has passed, or the host

@@ -209,7 +209,10 @@ class _Server:
                 lambda wire: Instance._from_wire(wire, environment), params, "instance"
             )
             _claims(planner, "instance", instance.needs(), instance.features())
-            context = Context(self._channel, request, budget, Form(environment, instance))
+            form = Form(environment, instance)
+            context = Context(
+                self._channel, request, budget, form, extensions=_extensions(params)
+            )
             return context, lambda: planner.plan(instance, budget, context)
 
         return _plan_result(plan)
@@ -231,7 +234,9 @@ class _Server:
             failed: Any = None
             if params.get("failed_plan") is not None:
                 failed = _read(form.decode, params, "failed_plan")
-            context = Context(self._channel, request, budget, form)
+            context = Context(
+                self._channel, request, budget, form, extensions=_extensions(params)
+            )
             return context, lambda: policy.recover(instance, failed, budget, context)
 
         return _plan_result(recover)
@@ -313,6 +318,14 @@ def _read(read: Callable[[Any], Any], params: Mapping[str, Any], name: str) -> A
         raise _Refusal(INVALID_PARAMS, f"`{name}`: there is no {error}") from None
     except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise _Refusal(INVALID_PARAMS, f"`{name}`: {error}") from None
+
+
+def _extensions(params: Mapping[str, Any]) -> Sequence[str]:
+    """What the host offers for a call besides."""
+    extensions = params.get("extensions") or ()
+    if not isinstance(extensions, (list, tuple)):
+        raise _Refusal(INVALID_PARAMS, "`extensions` is no list")
+    return extensions
 
 
 def _outcome(call: Callable[[], Any]) -> Dict[str, Any]:

@@ -470,6 +470,43 @@ class Plans(unittest.TestCase):
             ],
         )
 
+    def test_annotations_where_somebody_wants_to_see_them(self):
+        def plan(self, instance, budget, context):
+            shown = context.annotations
+            if shown:
+                shown.places("constraints", [[0], (1, 2)], agent=1, from_s=1, to_s=2.5, text="no")
+                shown.points("tree", [(0.5, 1)], to_s=math.inf, values=[2])
+                shown.lines("tree", [[(0, 0), (1, 1)]])
+                shown.rings("tree", [[(0, 0), (1, 1), (1, 0)]])
+                with self_test.assertRaises(TypeError):
+                    shown.places("tree", [["0"]])
+            return [[0, 1], [4, 5]]
+
+        self_test = self
+        messages, _ = planned(plan)
+        self.assertEqual(len(messages), 1)
+        call = dict(instance=INSTANCE, budget=BUDGET)
+        wanted = request(3, "plan", extensions=["org.example/1", "fleetyard.annotations/1"], **call)
+        messages, _ = converse([planner(plan)], create(), PREPARE, wanted)
+        self.assertEqual(
+            [m["params"] for m in messages if m.get("method") == "annotation"],
+            [
+                {
+                    "layer": "constraints",
+                    "shape": "places",
+                    "places": [[0], [1, 2]],
+                    "agent": 1,
+                    "from_s": 1.0,
+                    "to_s": 2.5,
+                    "text": "no",
+                },
+                {"layer": "tree", "shape": "points", "xy_m": [[[0.5, 1.0]]], "values": [2.0]},
+                {"layer": "tree", "shape": "lines", "xy_m": [[[0, 0], [1, 1]]]},
+                {"layer": "tree", "shape": "rings", "xy_m": [[[0, 0], [1, 1], [1, 0]]]},
+            ],
+        )
+        self.assertEqual(messages[-1]["result"]["paths"], ["E", "E"])
+
     def test_failures_are_statuses(self):
         for failure in (
             fleetyard.Infeasible,

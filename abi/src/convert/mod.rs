@@ -5,6 +5,7 @@
 //! promise of the other side. An error says `unsupported` of a code, flag or part that this
 //! version does not know, and `invalid-input` of what no version allows.
 
+mod annotation;
 mod environment;
 mod instance;
 mod memory;

@@ -5,12 +5,13 @@ use std::ptr;
 
 use super::memory::{bytes_from_c, bytes_to_c};
 use super::{checked, size_of, string};
+use crate::annotation::Annotation;
 use crate::c;
 use crate::clock::monotonic_ns;
 use crate::figures::check_figure;
 use crate::model::{LogLevel, Request};
 use crate::plan::{Plan, PlanRef};
-use crate::sdk::{Rejected, Sink};
+use crate::sdk::{Annotations, Rejected, Sink};
 
 /// Data of a C sink besides the Rust one: the bounds of its checks, and the plugin's explanation of
 /// a failure.
@@ -18,6 +19,7 @@ pub struct SinkContext<'a> {
     sink: &'a dyn Sink,
     agents: Option<usize>,
     most: usize,
+    places: usize,
     message: std::sync::Mutex<Option<String>>,
     fault: std::sync::Mutex<Option<String>>,
 }
@@ -29,9 +31,16 @@ impl<'a> SinkContext<'a> {
             sink,
             agents,
             most,
+            places: 0,
             message: None.into(),
             fault: None.into(),
         }
+    }
+
+    /// On a map of so many places, which annotations may be about.
+    #[must_use]
+    pub fn on(self, places: usize) -> Self {
+        Self { places, ..self }
     }
 
     /// The C form; valid as long as `self`.
@@ -166,10 +175,20 @@ static KEEP: c::Keep = c::Keep {
     keep: Some(keep),
 };
 
+/// The extension for what a plugin wants to show.
+static ANNOTATIONS: c::Annotations = c::Annotations {
+    struct_size: size_of::<c::Annotations>(),
+    reserved: 0,
+    annotate: Some(annotate),
+};
+
 unsafe extern "C" fn get_extension(pointer: *mut c_void, id: c::Str) -> *const c_void {
     // SAFETY: as above.
     let (context, id) = unsafe { (context(pointer), string(id)) };
     match id.as_str() {
+        c::ANNOTATIONS_ID if context.sink.annotations().is_some() => {
+            (&raw const ANNOTATIONS).cast()
+        }
         // Calls about agents are those that know what was kept.
         c::KEEP_ID if context.agents.is_some() => (&raw const KEEP).cast(),
         _ => ptr::null(),
@@ -186,6 +205,20 @@ unsafe extern "C" fn keep(pointer: *mut c_void, bytes: *const c::Bytes) -> i32 {
     }
 }
 
+unsafe extern "C" fn annotate(pointer: *mut c_void, annotation: *const c::Annotation) -> i32 {
+    // SAFETY: as above.
+    let context = unsafe { context(pointer) };
+    let Some(annotations) = context.sink.annotations() else {
+        return c::BUSY;
+    };
+    let agents = context.agents.unwrap_or(0);
+    // SAFETY: as above.
+    match unsafe { Annotation::from_c(annotation, agents, context.places) } {
+        Ok(annotation) => code(annotations.annotate(&annotation)),
+        Err(failure) => context.broken(failure.message),
+    }
+}
+
 unsafe extern "C" fn fail(pointer: *mut c_void, message: c::Str) {
     // SAFETY: as above.
     let context = unsafe { context(pointer) };
@@ -196,6 +229,7 @@ unsafe extern "C" fn fail(pointer: *mut c_void, message: c::Str) {
 /// A C sink as a Rust one, for plugins written in Rust.
 pub struct CSink<'a> {
     raw: &'a c::Sink,
+    annotations: Option<&'a c::Annotations>,
 }
 
 // SAFETY: the functions of a sink may be called from any thread.
@@ -206,8 +240,20 @@ impl<'a> CSink<'a> {
     /// As [`checked`].
     pub unsafe fn new(pointer: *const c::Sink) -> Result<Self, String> {
         // SAFETY: by the caller's promise.
+        let raw = unsafe { checked("sink", pointer)? };
+        let annotations = raw.get_extension.map_or(ptr::null(), |get_extension| {
+            // SAFETY: the sink is the host's.
+            unsafe { get_extension(raw.context, c::Str::new(c::ANNOTATIONS_ID)) }
+        });
+        let annotations: *const c::Annotations = annotations.cast();
         Ok(Self {
-            raw: unsafe { checked("sink", pointer)? },
+            raw,
+            annotations: if annotations.is_null() {
+                None
+            } else {
+                // SAFETY: the pointer is the answer to that identifier.
+                Some(unsafe { checked("annotations", annotations)? })
+            },
         })
     }
 
@@ -279,5 +325,21 @@ impl Sink for CSink<'_> {
         self.raw
             .cancelled
             .is_some_and(|cancelled| unsafe { cancelled(self.raw.context) } != 0)
+    }
+
+    fn annotations(&self) -> Option<&dyn Annotations> {
+        self.annotations.map(|_| self as &dyn Annotations)
+    }
+}
+
+impl Annotations for CSink<'_> {
+    fn annotate(&self, annotation: &Annotation) -> Result<(), Rejected> {
+        let annotate = self
+            .annotations
+            .and_then(|annotations| annotations.annotate)
+            .ok_or(Rejected::Busy)?;
+        // SAFETY: the annotation lives through the call.
+        let code = annotation.with_c(|raw| unsafe { annotate(self.raw.context, raw) });
+        code.map_or(Err(Rejected::Malformed), result)
     }
 }

@@ -533,6 +533,46 @@ static void paths(const FleetyardInstance *instance) {
   CHECK(all.agents == 0 && !all.of);
 }
 
+/* ---- Annotations --------------------------------------------------------------- */
+
+static FleetyardAnnotation shown;
+static uint64_t shown_places, shown_points;
+
+static int32_t annotate(void *context, const FleetyardAnnotation *annotation) {
+  (void)context;
+  shown = *annotation;
+  shown_places = annotation->places ? annotation->places[1] : 0;
+  shown_points = annotation->x_m ? annotation->offsets[1] : 0;
+  return FLEETYARD_OK;
+}
+
+static bool wanted;
+
+static const void *extension(void *context, FleetyardStr id) {
+  static const FleetyardAnnotations annotations = {sizeof annotations, 0, annotate};
+  (void)context;
+  return wanted && fleetyard_equals(id, FLEETYARD_ANNOTATIONS_ID) ? &annotations : NULL;
+}
+
+static void annotations(void) {
+  const uint32_t places[] = {3, 4};
+  const double x_m[] = {0.5, 1, 2}, y_m[] = {0, 1, 0};
+  FleetyardAnnotation about = fleetyard_annotation("constraints", "not here");
+  about.agent = 7;
+  sink.get_extension = extension;
+  CHECK(!fleetyard_annotations(&sink));
+  fleetyard_annotate_places(&sink, about, places, 2);
+  CHECK(shown.struct_size == 0);
+  wanted = true;
+  CHECK(fleetyard_annotations(&sink));
+  fleetyard_annotate_places(&sink, about, places, 2);
+  CHECK(shown.struct_size == sizeof shown && shown.shape == FLEETYARD_SHAPE_PLACES);
+  CHECK(shown.count == 1 && shown.agent == 7 && shown_places == 4 && isinf(shown.to_s));
+  CHECK(fleetyard_equals(shown.layer, "constraints") && fleetyard_equals(shown.text, "not here"));
+  fleetyard_annotate_points(&sink, about, FLEETYARD_SHAPE_RINGS, x_m, y_m, 3);
+  CHECK(shown.shape == FLEETYARD_SHAPE_RINGS && !shown.places && shown_points == 3);
+}
+
 int main(void) {
   memset(&sink, 0, sizeof sink);
   sink.struct_size = sizeof sink;
@@ -576,6 +616,7 @@ int main(void) {
   requests(instance);
   memory();
   paths(&instance);
+  annotations();
   planner.destroy(planner.context);
   return 0;
 }

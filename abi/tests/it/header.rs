@@ -4,6 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use fleetyard_abi::c::ANNOTATIONS_ID;
+
 pub(crate) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
@@ -63,7 +65,7 @@ fn header_is_current() {
 }
 
 #[test]
-fn factory_identifiers_are_in_the_header() {
+fn identifiers_are_in_the_header() {
     let header = std::fs::read_to_string(root().join("include/fleetyard.h")).expect("the header");
     for kind in fleetyard_abi::Kind::ALL {
         let name = kind.as_str().to_uppercase().replace('-', "_");
@@ -73,6 +75,8 @@ fn factory_identifiers_are_in_the_header() {
         );
         assert!(header.lines().any(|found| found == line), "{line}");
     }
+    let line = format!("#define FLEETYARD_ANNOTATIONS_ID \"{ANNOTATIONS_ID}\"");
+    assert!(header.lines().any(|found| found == line), "{line}");
 }
 
 pub(crate) fn installed(program: &str) -> bool {

@@ -9,8 +9,9 @@ use std::sync::Arc;
 use fleetyard_abi::convert::{CEnvironment, CInstance, size_of};
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{
-    ControlPlan, Environment, GridEnvironment, GridPlan, Instance, Knot, KnotPlan, Lists, Plan,
-    RoadmapEnvironment, Robot, State, Status, Visit, VisitPlan, WorkspaceEnvironment, c,
+    Annotation, ControlPlan, Environment, GridEnvironment, GridPlan, Instance, Knot, KnotPlan,
+    Lists, Plan, RoadmapEnvironment, Robot, Shape, State, Status, Visit, VisitPlan,
+    WorkspaceEnvironment, c,
 };
 
 fn grid() -> Environment {
@@ -102,6 +103,22 @@ fn plan<B: Copy>(
     })
 }
 
+/// Reads an annotation of two agents on nine places after a change of its structure.
+fn annotation(
+    sent: &Annotation,
+    change: impl Fn(&mut c::Annotation),
+) -> Result<Annotation, Failure> {
+    sent.with_c(|raw| {
+        // SAFETY: an annotation in its C form is whole.
+        unsafe {
+            let mut raw = *raw;
+            change(&mut raw);
+            Annotation::from_c(&raw const raw, 2, 9)
+        }
+    })
+    .expect("its lists agree")
+}
+
 fn cells() -> Plan {
     GridPlan::from_paths([[0, 1]]).into()
 }
@@ -181,6 +198,104 @@ fn codes_that_are_unknown_are_unsupported_and_zero_is_invalid() {
     let headings = [7_i8];
     let read = instance(&one_shot, |raw| raw.start_headings = headings.as_ptr());
     refused(read, Status::InvalidInput, "heading 7");
+}
+
+#[test]
+fn annotations_that_lie_are_refused_with_the_place() {
+    static DESCENDING: [u64; 3] = [0, 9, 3];
+    static MANY: [u64; 3] = [0, 9, 1 << 40];
+    static OUTSIDE: [u32; 3] = [0, 9, 0];
+    static INFINITE: [f64; 2] = [1.0, f64::INFINITY];
+    let places = Annotation::places("a", [vec![0, 1], vec![8]]);
+    let lines = Annotation::lines("a", [[[0.0, 0.0], [1.0, 1.0]]]);
+    assert_eq!(annotation(&places, |_| {}), Ok(places.clone()));
+    // What contradicts itself has no C form: nobody reads beyond its lists.
+    for odd in [
+        Annotation {
+            shape: Shape::Points,
+            ..places.clone()
+        },
+        Annotation {
+            shape: Shape::Places,
+            ..lines.clone()
+        },
+        Annotation {
+            values: vec![1.0; 3],
+            ..places.clone()
+        },
+    ] {
+        assert!(odd.check(2, 9).is_err());
+        assert_eq!(odd.with_c(|_| ()), None);
+    }
+    let unsupported = annotation(&places, |raw| raw.shape = 5);
+    refused(unsupported, Status::Unsupported, "annotation.shape 5");
+    let invalid = |sent: &Annotation, change: fn(&mut c::Annotation), message: &str| {
+        refused(annotation(sent, change), Status::InvalidInput, message);
+    };
+    invalid(
+        &places,
+        |raw| raw.struct_size = 8,
+        "annotation.struct_size is 8",
+    );
+    invalid(&places, |raw| raw.shape = 0, "annotation.shape is 0");
+    invalid(&places, |raw| raw.count = u32::MAX, "at most 32768 may be");
+    invalid(
+        &places,
+        |raw| raw.offsets = DESCENDING.as_ptr(),
+        "out of order",
+    );
+    invalid(
+        &places,
+        |raw| raw.offsets = MANY.as_ptr(),
+        "more than the limit of 32768",
+    );
+    invalid(
+        &places,
+        |raw| raw.offsets = std::ptr::null(),
+        "offsets is null",
+    );
+    invalid(
+        &places,
+        |raw| raw.places = std::ptr::null(),
+        "places is null",
+    );
+    invalid(&lines, |raw| raw.y_m = std::ptr::null(), "y_m is null");
+    invalid(
+        &places,
+        |raw| raw.layer.len = 0,
+        "its name must be 1 to 64 bytes",
+    );
+    invalid(
+        &places,
+        |raw| raw.layer.len = 65,
+        "annotation.layer has 65 bytes",
+    );
+    invalid(
+        &places,
+        |raw| raw.text.len = 1025,
+        "annotation.text has 1025 bytes",
+    );
+    let outside = "`a`: shape 0 has place 9, but there are 9";
+    invalid(&places, |raw| raw.places = OUTSIDE.as_ptr(), outside);
+    invalid(
+        &places,
+        |raw| raw.agent = 2,
+        "about agent 2, but there are 2",
+    );
+    invalid(&places, |raw| raw.from_s = -1.0, "from -1 s to inf s");
+    invalid(&places, |raw| raw.from_s = f64::NAN, "from NaN s");
+    invalid(
+        &places,
+        |raw| (raw.from_s, raw.to_s) = (2.0, 1.0),
+        "from 2 s to 1 s",
+    );
+    invalid(
+        &places,
+        |raw| raw.values = INFINITE.as_ptr(),
+        "value 1 is inf",
+    );
+    let not_finite = "shape 0 has the point (1, inf), which is not finite";
+    invalid(&lines, |raw| raw.y_m = INFINITE.as_ptr(), not_finite);
 }
 
 #[test]

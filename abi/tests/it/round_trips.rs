@@ -10,10 +10,10 @@ use fleetyard_abi::moves::OFF_MAP;
 use fleetyard_abi::paths::{PlanContext, WritePlan};
 use fleetyard_abi::wire::PlanText;
 use fleetyard_abi::{
-    ControlPlan, Environment, FleetState, Footprint, GoalTasks, GridEnvironment, GridPlan, Heading,
-    Instance, Kept, Knot, KnotPlan, Limit, Lists, Motion, MotionPlan, Mover, Objective, Part,
-    PathEncoding, Plan, PlanRef, RestOfPlan, RoadmapEnvironment, Robot, Snapshot, State, Task,
-    Traffic, View, Visit, VisitPlan, WorkspaceEnvironment,
+    Annotation, ControlPlan, Environment, FleetState, Footprint, GoalTasks, GridEnvironment,
+    GridPlan, Heading, Instance, Kept, Knot, KnotPlan, Limit, Lists, Motion, MotionPlan, Mover,
+    Objective, Part, PathEncoding, Plan, PlanRef, RestOfPlan, RoadmapEnvironment, Robot, Snapshot,
+    State, Task, Traffic, View, Visit, VisitPlan, WorkspaceEnvironment,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -398,6 +398,33 @@ fn plan_by_c(sent: &Plan) {
     assert!(other.is_err());
 }
 
+fn annotation() -> impl Strategy<Value = Annotation> {
+    let lists = || vec(vec([metres(), metres()], 0..4), 0..4);
+    let shapes = prop_oneof![
+        lists().prop_map(|lines| Annotation::lines("a", lines)),
+        lists().prop_map(|rings| Annotation::rings("ä b", rings)),
+        points(5).prop_map(|points| Annotation::points("a", points)),
+        vec(vec(0_u32..9, 0..4), 0..4).prop_map(|places| Annotation::places("a", places)),
+    ];
+    let times = (0.0..9.0, option::of(9.0..20.0));
+    let about = (
+        option::of(0_u32..4),
+        times,
+        "[a-z \"\u{e4}]{0,5}",
+        any::<bool>(),
+    );
+    (shapes, about).prop_map(
+        |(shapes, (agent, (from_s, to_s), text, valued))| Annotation {
+            agent,
+            from_s,
+            to_s,
+            text,
+            values: std::vec![0.5; if valued { shapes.shapes() } else { 0 }],
+            ..shapes
+        },
+    )
+}
+
 proptest! {
     #[test]
     fn environments_arrive_as_they_were_sent(sent in environment()) {
@@ -406,6 +433,14 @@ proptest! {
         let raw = CEnvironment::new(&shared);
         // SAFETY: an environment in its C form is whole.
         same(unsafe { Environment::from_c(raw.raw()) }, &sent);
+    }
+
+    #[test]
+    fn annotations_arrive_as_they_were_sent(sent in annotation()) {
+        by_json(&sent);
+        // SAFETY: an annotation in its C form is whole.
+        let arrived = sent.with_c(|raw| unsafe { Annotation::from_c(raw, 4, 9) });
+        same(arrived.unwrap(), &sent);
     }
 
     #[test]

@@ -25,6 +25,7 @@ struct Messages<'a> {
     should_invoke_result: wire::ShouldInvokeResult,
     incumbent_params: wire::IncumbentParams<'a>,
     keep_params: wire::KeepParams,
+    annotation_params: wire::AnnotationParams,
     metric_params: wire::MetricParams,
     note_params: wire::NoteParams,
     progress_params: wire::ProgressParams,

@@ -684,6 +684,48 @@ void memory_is_read() {
   EXPECT(remembered == std::vector<std::uint8_t>({0, 255}));
 }
 
+FleetyardAnnotation shown{};
+std::vector<double> shown_numbers;
+
+std::int32_t annotate(void *, const FleetyardAnnotation *annotation) {
+  shown = *annotation;
+  shown_numbers.clear();
+  for (std::uint64_t at = 0; at < annotation->offsets[annotation->count]; at++)
+    shown_numbers.push_back(annotation->places ? annotation->places[at] : annotation->y_m[at]);
+  return FLEETYARD_BUSY;
+}
+
+const void *annotations(void *, FleetyardStr id) {
+  static const FleetyardAnnotations all = {sizeof all, 0, annotate};
+  return fleetyard::detail::view(id) == FLEETYARD_ANNOTATIONS_ID ? &all : nullptr;
+}
+
+void annotations_are_handed_over() {
+  EXPECT(!fleetyard::Sink(&sink).annotations());
+  FleetyardSink wanting = sink;
+  wanting.get_extension = annotations;
+  const auto all = fleetyard::Sink(&wanting).annotations();
+  EXPECT(all);
+  fleetyard::Annotation about;
+  about.layer = "tree";
+  about.agent = 3;
+  about.values = {0.5, 1};
+  EXPECT(all->places(about, {{7}, {8, 9}}) == fleetyard::Result::busy);
+  EXPECT(shown.shape == FLEETYARD_SHAPE_PLACES && shown.count == 2 && shown.agent == 3);
+  EXPECT(shown_numbers == std::vector<double>({7, 8, 9}) && same(shown.values[1], 1));
+  EXPECT(same(shown.from_s, 0) && std::isinf(shown.to_s) && shown.layer.len == 4);
+  all->points(about, {{1, 2}, {3, 4}});
+  EXPECT(shown.shape == FLEETYARD_SHAPE_POINTS && shown_numbers == std::vector<double>({2, 4}));
+  about.values.clear();
+  all->rings(about, {{{0, 0}, {1, 0}, {1, 1}}});
+  EXPECT(shown.shape == FLEETYARD_SHAPE_RINGS && shown.count == 1 && !shown.values);
+  all->lines(about, {{{0, 0}, {1, 5}}});
+  EXPECT(shown.shape == FLEETYARD_SHAPE_LINES && shown_numbers == std::vector<double>({0, 5}));
+  about.values = {1};
+  EXPECT(failure_of([&] { all->points(about, {}); }) ==
+         "an annotation has 1 values for 0 shapes");
+}
+
 } // namespace
 
 int main() {
@@ -698,5 +740,6 @@ int main() {
   workspaces_are_read();
   modules_of_fleets_are_called();
   memory_is_read();
+  annotations_are_handed_over();
   return 0;
 }

@@ -137,6 +137,7 @@ fn sample(
         seed: 0,
         config,
         robots: None,
+        annotations: false,
     };
     let mut running: Option<Running> = None;
     let mut took_ms = Vec::with_capacity(CALLS);

@@ -337,6 +337,7 @@ impl<'s> Experiment<'s> {
             seed: planned.seed,
             config: &suite.config,
             robots: suite.robots.as_ref(),
+            annotations: false,
         };
         let made = match suite.protocol.reuse {
             Reuse::Planner => trial.run_again(&mut planner.running, &mut NoTrace),

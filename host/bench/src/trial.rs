@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, Plan, SharedEnvironment};
 use fleetyard_check::PathRule;
-use fleetyard_core::GridPlan;
+use fleetyard_core::{AnnotationFile, GridPlan};
 use fleetyard_runtime::measure::{
     Call, Difference, Machine, NoCores, Reservation, Snapshot, Spent, Topology, contended,
     pin_this_process,
@@ -134,6 +134,8 @@ pub struct Trial<'a> {
     pub config: &'a SimConfig,
     /// The robots that execute it; `None` when nobody does.
     pub robots: Option<&'a Robots>,
+    /// True if the planner is asked what it wants to show.
+    pub annotations: bool,
 }
 
 /// The outcome of a trial.
@@ -143,6 +145,8 @@ pub struct Outcome {
     pub record: Record,
     /// The plan that counts.
     pub plan: Option<Plan>,
+    /// The planner's annotations, if it was asked for them.
+    pub annotations: Option<AnnotationFile>,
     /// Notes that the user should see.
     pub warnings: Vec<String>,
     /// The planner's log; empty while its process is kept.
@@ -240,6 +244,17 @@ impl Trial<'_> {
             }
         }
         let plan = run.plan().cloned();
+        let plan_digest = plan.as_ref().map(|plan| self.instance.plan_digest(plan));
+        let annotations = self.annotations.then(|| AnnotationFile {
+            planner: Some(format!("{} {}", descriptor.id, descriptor.version)),
+            plan_digest,
+            left_out: run.annotations.left_out(),
+            ..AnnotationFile::new(
+                &environment,
+                self.instance.agents() as u32,
+                run.annotations.kept(),
+            )
+        });
         let found = plan.as_ref().map(|plan| self.instance.judge(plan));
         let execution = match (&plan, &found, self.robots) {
             (Some(plan), Some(found), Some(robots)) => {
@@ -311,7 +326,7 @@ impl Trial<'_> {
             environment_digest: None,
             execution,
             instance_digest: self.instance.digest(),
-            plan_digest: plan.as_ref().map(|plan| self.instance.plan_digest(plan)),
+            plan_digest,
         };
         if let Some(found) = found {
             (record.verdict, record.judged) = (found.verdict, found.judged);
@@ -325,6 +340,7 @@ impl Trial<'_> {
         Ok(Outcome {
             record,
             plan,
+            annotations,
             warnings,
             log,
             stderr,
@@ -444,6 +460,7 @@ impl Trial<'_> {
             Ok(report) => {
                 let instance = self.instance.instance(&running.descriptor, self.config);
                 let budget = budget(allowed.wall, allowed.plan_memory());
+                running.session.want_annotations(self.annotations);
                 (running.session.plan(&instance, &budget), report)
             }
             Err(fault) => (PlanRun::failed(fault), None),

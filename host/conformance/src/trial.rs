@@ -100,6 +100,8 @@ pub(crate) struct Answer {
     pub(crate) figures: BTreeMap<String, f64>,
     /// Bytes that it kept.
     pub(crate) kept: Option<Vec<u8>>,
+    /// Number of annotations, where they were wanted.
+    pub(crate) annotations: usize,
     /// Wall time of the call.
     pub(crate) wall: Duration,
     /// Time between the deadline and the return of the call.
@@ -568,6 +570,7 @@ impl<'a> Trial<'a> {
             planning,
             metrics,
             kept,
+            annotations,
             ..
         } = run;
         let (status, message) = match fault {
@@ -592,6 +595,7 @@ impl<'a> Trial<'a> {
             },
             figures: metrics,
             kept,
+            annotations: annotations.kept().len(),
             wall: planning,
             late: planning.saturating_sub(call.wall),
             by_clock: is_long(planning, call.wall),
@@ -837,6 +841,7 @@ fn answered_by(said: Result<Said, Fault>, wall: Duration, call: &Call<'_>) -> St
         said,
         figures: BTreeMap::new(),
         kept: None,
+        annotations: 0,
         wall,
         late: wall.saturating_sub(call.wall),
         by_clock: is_long(wall, call.wall),

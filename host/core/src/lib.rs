@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+mod annotation_file;
 mod digest;
 pub mod document;
 mod error;
@@ -28,8 +29,13 @@ pub mod trajectory_file;
 mod words;
 
 pub use fleetyard_abi::moves::{self, OFF_MAP};
-pub use fleetyard_abi::{ControlPlan, GridPlan, Heading, PathEncoding, Robot, Segment};
+pub use fleetyard_abi::{
+    Annotation, ControlPlan, GridPlan, Heading, PathEncoding, Robot, Segment, Shape,
+};
 
+pub use annotation_file::{
+    AnnotationFile, load_annotations, read_annotations, save_annotations, write_annotations,
+};
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
 pub use files::{

@@ -40,6 +40,7 @@ pub use interrupt::{interrupt_calls, interrupted_by, on_interrupt};
 pub use lock_file::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, CodeFile, PluginFile};
+pub use sessions::annotated::Annotated;
 pub use sessions::attachment::Generated;
 pub use sessions::convert::{environment, environment_of, instance, plan_from_abi};
 pub use sessions::library::Library;

@@ -114,6 +114,15 @@ impl Element<'_> {
         let _ = writeln!(self.text, ">{}</{}>", escape(words), self.name);
     }
 
+    /// Ends it, with a title in it if there is one.
+    pub fn told(self, title: &str) {
+        if title.is_empty() {
+            self.end();
+        } else {
+            self.titled(title);
+        }
+    }
+
     /// Ends it, with a title in it.
     pub fn titled(self, title: &str) {
         let (title, name) = (escape(title), self.name);

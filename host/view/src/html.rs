@@ -12,7 +12,8 @@ use fleetyard_sim::{Event, EventKind, Other, TraceSink};
 use serde::Serialize;
 
 use crate::ViewError;
-use crate::palette::AGENTS;
+use crate::layers::{Layer, Layers};
+use crate::palette::{AGENTS, HEAT};
 use crate::shell::{Shell, embedded};
 use crate::svg::reach_m;
 use crate::track::{Quanta, Track, base64};
@@ -169,6 +170,7 @@ pub struct Page {
     arrivals: BTreeMap<u32, f64>,
     contacts_total: u64,
     work: Work,
+    layers: Layers,
 }
 
 #[derive(Debug)]
@@ -212,7 +214,10 @@ struct Meta<'a> {
     contacts_total: u64,
     /// Absent if nothing is known of a fleet.
     work: Option<WorkMeta<'a>>,
+    layers: &'a [Layer],
     colors: [&'a str; AGENTS.len()],
+    /// From little to much.
+    heat: [&'a str; HEAT.len()],
     facts: &'a [(String, String)],
     notes: Vec<String>,
 }
@@ -292,8 +297,18 @@ impl Page {
             arrivals: BTreeMap::new(),
             contacts_total: 0,
             work: Work::default(),
+            layers: Layers::default(),
             recording,
         })
+    }
+
+    /// Shows what the planner wanted to show, as far as it is about agents that are shown.
+    #[must_use]
+    pub fn layers(mut self, layers: Layers) -> Self {
+        let agents = self.recording.agents;
+        let ids = &self.ids;
+        self.layers = layers.about(|id| id < agents && ids.binary_search(&id).is_ok());
+        self
     }
 
     fn add_state(&mut self, tick: u64, states: &States<'_>) {
@@ -466,7 +481,9 @@ impl Page {
             contacts: &self.contacts,
             contacts_total: self.contacts_total,
             work: self.work.meta(recording.tick_s, recording.columns),
+            layers: &self.layers.all,
             colors: AGENTS,
+            heat: HEAT,
             facts: &recording.facts,
             notes: self.notes(incomplete),
         }
@@ -507,6 +524,10 @@ impl Page {
             ));
         }
         notes.extend(self.work.note());
+        notes.extend(self.layers.note());
+        if !self.layers.is_empty() {
+            notes.push("Times of annotations are those of the plan.".into());
+        }
         if let Some(reason) = incomplete {
             notes.push(format!("The recording is not complete: {reason}."));
         }

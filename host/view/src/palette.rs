@@ -5,6 +5,12 @@
 /// vermilion, which is [`CONTACT`]. All of them show on light and dark ground.
 pub(crate) const AGENTS: [&str; 5] = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9"];
 
+/// Colours of layers of annotations, in turn: darker than those of agents, so that they stand out
+/// from them in grey as well.
+pub(crate) const LAYERS: [&str; 6] = [
+    "#6a1b9a", "#8d6e00", "#ad1457", "#00695c", "#4e342e", "#283593",
+];
+
 /// Contacts, which have a shape of their own besides.
 pub(crate) const CONTACT: &str = "#d55e00";
 

@@ -62,6 +62,15 @@ const largest = Math.max(0, ...reach);
 /** Contacts in the order of their beginnings: bodies as ids, `b` null for what stands. */
 const contacts = meta.contacts.map(([from, to, a, b]) => ({ from, to: to ?? end, open: to === null, a, b }));
 
+/** What the planner wants to show, by layer; its times are those of the plan. */
+const layers = meta.layers.map(({ name, color, range, annotations }) => ({
+  name, color, range, shown: true,
+  annotations: annotations.map((a) => ({
+    agent: a.agent ?? null, from: a.from_s ?? 0, to: a.to_s ?? Infinity, text: a.text ?? '',
+    shape: a.shape, shapes: a.xy_m ?? [], values: a.values ?? [],
+  })),
+}));
+
 /** What the fleet did, if the trace tells it; times become seconds. */
 const work = meta.work && readWork(meta.work);
 
@@ -419,6 +428,7 @@ function draw() {
   c.fill();
   if (show.trails) trails(c, seen);
   if (show.goals) goals(c);
+  for (const layer of layers) if (layer.shown) for (const annotation of layer.annotations.filter(holds)) mark(c, layer, annotation);
   if (selected >= 0) {
     selectedWay(c);
     goal(c);
@@ -532,6 +542,59 @@ function ring(c, i, color) {
     c.lineWidth = wide;
     c.stroke();
   }
+}
+
+/** True if an annotation is about now, and about the agent that is followed if only those are wanted.
+ * While playing, short ones linger so that they can be seen. */
+function holds({ from, to, agent }) {
+  const linger = playing ? 0.4 * speed : 0;
+  const own = !$('own').checked || selected < 0 || agent === meta.ids[selected];
+  return own && now >= from - 1e-9 && now <= Math.max(to, from + linger) + 1e-9;
+}
+
+/** Side of a cell, or what stands for it. */
+const side = meta.cells?.side ?? 2 * largest;
+
+function mark(c, layer, { shape, shapes, values }) {
+  const s = view.scale, half = Math.max(0.42 * side * s, 4), r = Math.max(0.2 * side * s, 3);
+  c.lineWidth = Math.max(1.6, 0.06 * side * s);
+  shapes.forEach((points, number) => {
+    c.strokeStyle = c.fillStyle = shade(layer, values[number]);
+    c.beginPath();
+    if (shape !== 'points' && points.length > 1) {
+      points.forEach(([x, y], at) => at ? c.lineTo(toX(x), toY(y)) : c.moveTo(toX(x), toY(y)));
+      if (shape === 'rings') c.closePath();
+      c.stroke();
+      c.globalAlpha = 0.15;
+      if (shape === 'rings') c.fill();
+    } else if (points.length === 1 && (shape === 'lines' || shape === 'rings')) {
+      c.fillRect(toX(points[0][0]) - 1.5, toY(points[0][1]) - 1.5, 3, 3);
+    }
+    if (shape === 'points' || shape === 'places') {
+      c.beginPath();
+      for (const [x, y] of points) {
+        if (shape === 'places') {
+          c.rect(toX(x) - half, toY(y) - half, 2 * half, 2 * half);
+        } else {
+          c.moveTo(toX(x) + r, toY(y));
+          c.arc(toX(x), toY(y), r, 0, 2 * Math.PI);
+        }
+      }
+      c.globalAlpha = 0.3;
+      c.fill();
+      c.globalAlpha = 1;
+      c.stroke();
+    }
+    c.globalAlpha = 1;
+  });
+}
+
+/** The colour of a shape, by its value if it has one. The lightest steps vanish on white. */
+function shade({ color, range }, value) {
+  if (value === undefined || !range) return color;
+  const [least, most] = range, steps = meta.heat.length - 3;
+  const part = most > least ? (value / 2 - least / 2) / (most / 2 - least / 2) : 1;
+  return meta.heat[2 + Math.min(Math.floor(part * steps), steps)];
 }
 
 /** Where agents want to go, as squares of their colours. */
@@ -684,6 +747,7 @@ function told(touching) {
   $('fleet-now').style.left = 100 * (end ? now / end : 0) + '%';
   if (selected >= 0) drawTimeline();
   if (work) tellWork();
+  if (layers.length) tellLayers();
   const current = new Set(touching);
   for (const [contact, button] of rows) {
     const on = current.has(contact) || contact === pointed;
@@ -1019,6 +1083,63 @@ function drawFleet() {
   $('fleet-frame').style.height = Math.min(150, Math.max(24, 14 * count)) + 'px';
 }
 
+// ---- Annotations --------------------------------------------------------------------------
+
+const TOLD = 100;
+
+function listLayers() {
+  for (const layer of layers) {
+    const label = document.createElement('label');
+    const box = Object.assign(document.createElement('input'), { type: 'checkbox', checked: true });
+    const swatch = document.createElement('i'), count = document.createElement('small');
+    swatch.style.background = layer.color;
+    label.append(box, swatch, layer.name, count);
+    if (layer.range) {
+      const scale = Object.assign(document.createElement('i'), { className: 'scale' });
+      scale.style.background = `linear-gradient(to right, ${meta.heat.slice(2).join(',')})`;
+      const [least, most] = layer.range.map((value) => Object.assign(document.createElement('small'), { textContent: +value.toPrecision(4) }));
+      label.append(least, scale, most);
+    }
+    box.addEventListener('change', () => {
+      layer.shown = box.checked;
+      dirty = true;
+    });
+    layer.count = count;
+    const row = document.createElement('li');
+    row.append(label);
+    $('layers').append(row);
+  }
+}
+
+/** What is on the list. */
+let toldNow = [];
+
+function tellLayers() {
+  $('own-box').hidden = selected < 0;
+  const wanted = [];
+  for (const layer of layers) {
+    const current = layer.annotations.filter(holds);
+    const text = `${current.length} of ${layer.annotations.length}`;
+    if (layer.count.textContent !== text) layer.count.textContent = text;
+    if (layer.shown) for (const annotation of current) if (annotation.text && wanted.length < TOLD) wanted.push([layer, annotation]);
+  }
+  if (wanted.length === toldNow.length && wanted.every(([, a], at) => a === toldNow[at][1])) return;
+  toldNow = wanted;
+  $('annotations').replaceChildren(...wanted.map(([layer, { agent, text }]) => {
+    const button = Object.assign(document.createElement('button'), { type: 'button' });
+    const [who, what, where] = ['span', 'span', 'small'].map((tag) => document.createElement(tag));
+    who.textContent = agent === null ? '' : `agent ${agent}`;
+    what.textContent = text;
+    where.textContent = layer.name;
+    button.append(who, what, where);
+    button.disabled = !indexOf.has(agent);
+    button.addEventListener('click', () => follow(indexOf.get(agent), true));
+    const row = document.createElement('li');
+    row.append(button);
+    return row;
+  }));
+}
+
 // ---- Contacts ----------------------------------------------------------------------------
 
 /** The rows of the list that are on the page. */
@@ -1110,6 +1231,7 @@ onClick('more-calls', () => { callsListed += LIST_STEP; listCalls(); });
 onClick('more', () => { listed += LIST_STEP; listContacts(); });
 $('only').addEventListener('change', listContacts);
 $('failed').addEventListener('change', listCalls);
+$('own').addEventListener('change', () => { dirty = true; });
 $('seek').addEventListener('input', () => seek(Number($('seek').value)));
 $('speed').addEventListener('change', () => setSpeed(Number($('speed').value)));
 $('pick').addEventListener('change', () => {
@@ -1276,6 +1398,8 @@ for (const note of meta.notes) {
   $('notes').append(Object.assign(document.createElement('li'), { textContent: note }));
 }
 $('work-box').hidden = !work;
+$('layers-box').hidden = !layers.length;
+listLayers();
 $('failed-box').hidden = !troubles.length;
 $('show-goals').parentNode.hidden = !work && !meta.goals.length;
 $('workstations').hidden = !meta.workstations;

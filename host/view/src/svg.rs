@@ -3,17 +3,22 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_core::{Grid, GridPlan, TrajectoryPlan, cell_center_m};
+use fleetyard_core::{Annotation, Grid, GridPlan, Shape, TrajectoryPlan, cell_center_m};
 use fleetyard_sim::trace::Outline;
 
 use crate::element::{BOX, Element, Short, Svg};
 use crate::glyph;
+use crate::layers::{Layer, Layers};
 use crate::palette::{AGENTS, CONTACT, GROUND, INK, OBSTACLE, ROADMAP};
 use crate::world::{World, floor_exponent};
 
 /// The longer side of a picture in pixels, at least and at most; in between, a
 /// cell gets two.
 const SIDE: (f64, f64) = (960.0, 4096.0);
+
+/// Height of the strip with the scale in pixels, and of a line of the legend below it.
+const FOOTER: f64 = 34.0;
+const LEGEND: f64 = 20.0;
 
 /// The distance of an outline's farthest point from the position.
 pub(crate) fn reach_m(outline: &Outline) -> f64 {
@@ -52,6 +57,8 @@ pub struct Picture<'a> {
     pub contacts: Vec<[f64; 2]>,
     /// The moment, which is written below.
     pub time_s: Option<f64>,
+    /// Annotations by layer, with a legend below.
+    pub layers: Layers,
 }
 
 impl<'a> Picture<'a> {
@@ -64,7 +71,14 @@ impl<'a> Picture<'a> {
             bodies: Vec::new(),
             contacts: Vec::new(),
             time_s: None,
+            layers: Layers::default(),
         }
+    }
+
+    /// Adds what the planner wants to show.
+    #[must_use]
+    pub fn layers(self, layers: Layers) -> Self {
+        Self { layers, ..self }
     }
 
     /// Adds the paths of a grid plan; goals are the paths' ends. Cells that are
@@ -120,13 +134,14 @@ impl<'a> Picture<'a> {
 
     /// The picture as an SVG document, one unit per metre.
     pub fn svg(&self) -> String {
-        let mut canvas = Canvas::new(self.world, &self.bodies);
+        let mut canvas = Canvas::new(self.world, &self.bodies, &self.layers);
         canvas.open(self.world);
         canvas.beyond(&self.world.outline);
         canvas.roadmap(&self.world.roadmap);
         canvas.obstacles(self.world);
         let agents = self.paths.len().max(self.bodies.len());
         canvas.paths(&self.paths, agents, !self.bodies.is_empty());
+        canvas.layers(&self.layers);
         canvas.goals(&self.goals);
         if self.bodies.is_empty() {
             canvas.starts(&self.paths);
@@ -134,6 +149,7 @@ impl<'a> Picture<'a> {
         canvas.bodies(&self.bodies);
         canvas.contacts(&self.contacts);
         canvas.footer(self.time_s);
+        canvas.legend(&self.layers);
         canvas.svg.finish()
     }
 }
@@ -157,7 +173,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn new(world: &World, bodies: &[Body]) -> Self {
+    fn new(world: &World, bodies: &[Body], layers: &Layers) -> Self {
         let [width_m, height_m] = world.size_m().map(|side| side.max(1e-9));
         let side = width_m.max(height_m);
         let largest = bodies.iter().map(|body| reach_m(&body.outline));
@@ -176,7 +192,7 @@ impl Canvas {
             width_m,
             height_m,
             pixel_m,
-            footer_m: 34.0 * pixel_m,
+            footer_m: (FOOTER + LEGEND * layers.all.len() as f64) * pixel_m,
             unit_m: unit_m.max(5.0 * pixel_m),
             decimals: (-floor_exponent(pixel_m / 100.0)).clamp(0, 9) as usize,
         }
@@ -352,6 +368,97 @@ impl Canvas {
         });
     }
 
+    /// Each layer as a group with its name, so that a program can hide it.
+    fn layers(&mut self, layers: &Layers) {
+        for layer in &layers.all {
+            self.svg
+                .element("g")
+                .with("class", "layer")
+                .with("stroke-linejoin", "round")
+                .with("stroke-linecap", "round")
+                .open();
+            self.svg.element("title").words(&layer.name);
+            for annotation in &layer.annotations {
+                self.annotation(layer, annotation);
+            }
+            self.svg.close("g");
+        }
+    }
+
+    fn annotation(&mut self, layer: &Layer, annotation: &Annotation) {
+        let width = self.number((0.1 * self.unit_m).max(1.6 * self.pixel_m));
+        let radius = 0.2 * self.unit_m;
+        let words = words(annotation);
+        for (number, points) in annotation.xy_m.iter().enumerate() {
+            let color = layer.color_of(annotation.values.get(number).copied());
+            let mut data = match annotation.shape {
+                Shape::Points => String::new(),
+                Shape::Places | Shape::Lines | Shape::Rings => {
+                    self.line(points.iter().map(|point| self.place(*point)))
+                }
+            };
+            let is_ring = annotation.shape == Shape::Rings && points.len() > 2;
+            if is_ring {
+                data.push('z');
+            }
+            if is_ring || data.contains(['H', 'V', 'L']) {
+                self.svg
+                    .element("path")
+                    .with("fill", if is_ring { color } else { "none" })
+                    .with("fill-opacity", 0.15)
+                    .with("stroke", color)
+                    .with("stroke-width", width)
+                    .with("d", data)
+                    .told(&words);
+            }
+            let marked = match annotation.shape {
+                Shape::Points | Shape::Places => points,
+                Shape::Lines | Shape::Rings => &[],
+            };
+            for point in marked {
+                let [x, y] = self.place(*point);
+                let mark = if annotation.shape == Shape::Points {
+                    let numbers = [x, y, radius].map(|value| self.number(value));
+                    let circle = self.svg.element("circle");
+                    circle.numbers(["cx", "cy", "r"], numbers)
+                } else {
+                    let half = 0.42 * self.unit_m;
+                    let sides = [x - half, y - half, 2.0 * half, 2.0 * half];
+                    let sides = sides.map(|value| self.number(value));
+                    self.svg.element("rect").numbers(BOX, sides)
+                };
+                mark.with("fill", color)
+                    .with("fill-opacity", 0.3)
+                    .with("stroke", color)
+                    .with("stroke-width", width)
+                    .told(&words);
+            }
+        }
+    }
+
+    /// The names of layers and how much they have, each on a line below the scale.
+    fn legend(&mut self, layers: &Layers) {
+        let pixel = self.pixel_m;
+        let side = 11.0 * pixel;
+        for (number, layer) in layers.all.iter().enumerate() {
+            let top = self.height_m + (FOOTER + LEGEND * number as f64) * pixel;
+            let sides = [8.0 * pixel, top, side, side].map(|value| self.number(value));
+            self.svg
+                .element("rect")
+                .numbers(BOX, sides)
+                .with("fill", layer.color)
+                .end();
+            let text = format!("{} {}", layer.annotations.len(), layer.name);
+            let drawn = text.to_lowercase();
+            let lines = glyph::lines(&drawn, 28.0 * pixel, top, side);
+            let data: String = lines.into_iter().map(|line| self.line(line)).collect();
+            self.stroke(INK, 1.5 * pixel)
+                .with("stroke-linejoin", "round")
+                .with("d", data)
+                .titled(&text);
+        }
+    }
+
     fn goals(&mut self, goals: &[Option<[f64; 2]>]) {
         let side = 0.56 * self.unit_m;
         let open = |group: Element<'_>, color: &str| group.with("fill", color).open();
@@ -488,6 +595,19 @@ impl Canvas {
             .with("d", data)
             .titled(&format!("scale: {text}"));
     }
+}
+
+/// An annotation in words: its agent, its time and its text.
+fn words(annotation: &Annotation) -> String {
+    let agent = annotation.agent.map(|agent| format!("agent {agent}"));
+    let (from_s, to_s) = (annotation.from_s, annotation.to_s);
+    let span = match to_s {
+        Some(to_s) => Some(format!("{from_s} to {to_s} s")),
+        None => (from_s > 0.0).then(|| format!("from {from_s} s on")),
+    };
+    let text = Some(annotation.text.clone()).filter(|text| !text.is_empty());
+    let words: Vec<String> = [agent, span, text].into_iter().flatten().collect();
+    words.join(", ")
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above a length.

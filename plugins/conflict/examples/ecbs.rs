@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         result.end,
         result.cost,
         result.lower_bound,
-        result.conflicts,
+        result.conflicts.len(),
         result.expanded,
         result.generated,
         result.bypassed,

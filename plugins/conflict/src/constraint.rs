@@ -8,34 +8,53 @@ use fleetyard_plugin_spacetime::graph::Vertex;
 
 /// A constraint that a child adds to its parent.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) enum Constraint {
+pub enum Constraint {
     /// The agent is not in the cell from the first to the last step.
     Cell {
+        /// The agent.
         agent: u32,
+        /// The cell.
         v: Vertex,
+        /// The first step.
         begin: u32,
+        /// The last one, [`FOREVER`] where it does not end.
         end: u32,
     },
     /// The agent is in none of these cells at the step given with it: one side of a rectangle.
     Barrier {
+        /// The agent.
         agent: u32,
+        /// Cells with their steps.
         cells: Box<[(Vertex, u32)]>,
     },
     /// The agent does not begin this move at `time`.
     Move {
+        /// The agent.
         agent: u32,
+        /// The cell that it leaves.
         from: Vertex,
+        /// The cell that it enters.
         to: Vertex,
+        /// The step at which the move begins.
         time: u32,
     },
     /// The agent arrives at its goal for good after `time`.
-    ArriveAfter { agent: u32, time: u32 },
+    ArriveAfter {
+        /// The agent.
+        agent: u32,
+        /// The step.
+        time: u32,
+    },
     /// The agent arrives at its goal for good by `time`, and nobody else is there from step
     /// `others` on.
     ArriveBy {
+        /// The agent.
         agent: u32,
+        /// Its goal.
         goal: Vertex,
+        /// The step by which it arrives.
         time: u32,
+        /// The step from which on nobody else is there.
         others: u32,
     },
 }
@@ -79,7 +98,7 @@ impl Constraint {
     }
 
     /// The agent that it is about; others may have to keep it as well.
-    pub(crate) fn agent(&self) -> u32 {
+    pub fn agent(&self) -> u32 {
         match self {
             Self::Cell { agent, .. }
             | Self::Barrier { agent, .. }

@@ -24,10 +24,12 @@ mod mdd;
 pub mod plugin;
 mod queue;
 mod search;
+mod show;
 mod symmetry;
 
 use fleetyard_plugin_spacetime::problem::Problem;
 
+pub use constraint::Constraint;
 pub use search::{End, Outcome, Settings};
 
 /// Searches for a plan. `stop` is asked often and ends the search when it says so.

@@ -7,6 +7,7 @@ use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::show::show;
 use crate::{End, Settings, solve};
 
 /// Capabilities of both planners.
@@ -19,16 +20,30 @@ const CAPABILITIES: &[Capability] = &[
     Capability::KRobust,
 ];
 
+/// The map as both planners know it.
+#[derive(Debug)]
+pub struct Map {
+    ground: Ground,
+    step_s: f64,
+}
+
+fn learn(grid: &GridEnvironment, budget: &Budget) -> Result<Map, Failure> {
+    Ok(Map {
+        ground: Ground::new(grid, half_of_memory(budget))?,
+        step_s: grid.step_s,
+    })
+}
+
 /// Searches, and hands over the paths that come of it, colliding or not.
 fn search(
-    ground: &mut Ground,
+    map: &mut Map,
     rule: GoalRule,
     settings: &Settings,
     instance: &Instance,
     call: &Call<'_>,
 ) -> Result<(), Failure> {
     let mut stop = || call.stop();
-    let problem = ground.problem(instance, rule, &mut stop)?;
+    let problem = map.ground.problem(instance, rule, &mut stop)?;
     let settings = Settings {
         node_limit: call.node_limit(),
         memory_limit: half_of_memory(call.budget),
@@ -41,6 +56,9 @@ fn search(
     call.metric("low_level_expansions", outcome.low_level as f64);
     call.metric("lower_bound", outcome.lower_bound as f64);
     call.submit(&problem.plan(&outcome.paths));
+    if let Some(annotations) = call.annotations() {
+        show(&outcome, &problem, map.step_s, annotations);
+    }
     let failure = |status, reason: &str| Err(Failure::new(status, reason));
     match outcome.end {
         End::Solved => Ok(()),
@@ -85,23 +103,18 @@ impl Method for OptimalOptions {
          heuristic of pairs (WDG, Li et al., IJCAI 2019), and target, corridor and rectangle \
          reasoning (Li et al., AIJ 2021).";
     const CAPABILITIES: &'static [Capability] = CAPABILITIES;
-    type Map = Ground;
+    type Map = Map;
 
-    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Ground, Failure> {
-        Ok(Ground::new(grid, half_of_memory(budget))?)
+    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Map, Failure> {
+        learn(grid, budget)
     }
 
-    fn solve(
-        &self,
-        ground: &mut Ground,
-        instance: &Instance,
-        call: &Call<'_>,
-    ) -> Result<(), Failure> {
+    fn solve(&self, map: &mut Map, instance: &Instance, call: &Call<'_>) -> Result<(), Failure> {
         let settings = Settings {
             delay: self.k.into(),
             ..Settings::default()
         };
-        search(ground, self.goals, &settings, instance, call)
+        search(map, self.goals, &settings, instance, call)
     }
 }
 
@@ -140,7 +153,7 @@ impl Method for BoundedOptions {
          2014): plans within a factor of the least sum of costs, much sooner than optimal ones. In \
          a window as RHCR does it (Li et al., AAAI 2021).";
     const CAPABILITIES: &'static [Capability] = CAPABILITIES;
-    type Map = Ground;
+    type Map = Map;
 
     fn check(&self) -> Result<(), String> {
         if (1.0..=100.0).contains(&self.suboptimality) {
@@ -152,21 +165,16 @@ impl Method for BoundedOptions {
         ))
     }
 
-    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Ground, Failure> {
-        Ok(Ground::new(grid, half_of_memory(budget))?)
+    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Map, Failure> {
+        learn(grid, budget)
     }
 
-    fn solve(
-        &self,
-        ground: &mut Ground,
-        instance: &Instance,
-        call: &Call<'_>,
-    ) -> Result<(), Failure> {
+    fn solve(&self, map: &mut Map, instance: &Instance, call: &Call<'_>) -> Result<(), Failure> {
         let settings = Settings {
             delay: self.k.into(),
             weight: self.suboptimality,
             ..Settings::default()
         };
-        search(ground, self.goals, &settings, instance, call)
+        search(map, self.goals, &settings, instance, call)
     }
 }

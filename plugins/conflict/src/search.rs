@@ -27,7 +27,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use fleetyard_plugin_spacetime::astar::{Astar, Stopped};
-use fleetyard_plugin_spacetime::conflict::{FOREVER, Rules};
+use fleetyard_plugin_spacetime::conflict::{Conflict, FOREVER, Rules};
 use fleetyard_plugin_spacetime::constraints::Constraints;
 use fleetyard_plugin_spacetime::distance::Table;
 use fleetyard_plugin_spacetime::graph::Vertex;
@@ -104,7 +104,9 @@ pub struct Outcome {
     /// No plan costs less.
     pub lower_bound: u64,
     /// Conflicts that are left.
-    pub conflicts: u32,
+    pub conflicts: Vec<Conflict>,
+    /// Constraints that the paths keep.
+    pub constraints: Vec<Constraint>,
     /// Nodes that were split.
     pub expanded: u64,
     /// Nodes that were made.
@@ -129,6 +131,8 @@ pub(crate) struct Search<'p> {
     table: Constraints,
     mdd: Builder,
     traffic: Traffic,
+    /// The node whose paths were put into the traffic last.
+    at: Option<u32>,
     /// The paths that are in the traffic.
     loaded: Vec<Option<Rc<AgentPath>>>,
     nodes: Vec<Node>,
@@ -174,6 +178,7 @@ impl<'p> Search<'p> {
             table: Constraints::new(vertices),
             mdd: Builder::default(),
             traffic: Traffic::new(vertices, agents, rules),
+            at: None,
             loaded: vec![None; agents],
             nodes: Vec::new(),
             queue: Queue::new(settings.weight.max(1.0), counted),
@@ -230,7 +235,11 @@ impl<'p> Search<'p> {
                 (Some(bound), End::Solved) => bound.min(cost),
                 (bound, _) => bound.unwrap_or(0).max(self.problem.lower_bound()),
             },
-            conflicts: self.traffic.conflicts().all().len() as u32,
+            conflicts: self.traffic.conflicts().all().to_vec(),
+            constraints: self
+                .at
+                .map(|id| self.constraints(id).cloned().collect())
+                .unwrap_or_default(),
             expanded: self.expanded,
             generated: self.generated,
             bypassed: self.bypassed,

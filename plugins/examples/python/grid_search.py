@@ -52,11 +52,19 @@ class GridSearch(fleetyard.Planner):
         context.metric("expansions", self.expansions)
         if parents is None:
             raise fleetyard.Infeasible("the goal cannot be reached")
+        if context.annotations:
+            self.show(parents, context.annotations)
         path = [goal]
         while path[-1] != start:
             path.append(parents[path[-1]])
         path.reverse()
         return [path]
+
+    def show(self, parents, annotations):
+        """The tree of the search, an edge from each cell's parent to it."""
+        edges = [(parent, cell) for cell, parent in parents.items() if parent != cell]
+        for first in range(0, len(edges), 10_000):  # an annotation has at most 32768 places
+            annotations.places("tree", edges[first : first + 10_000], agent=0)
 
     def expand(self):
         """Counts an expansion, and looks at the limits now and then."""

@@ -1,8 +1,8 @@
 //! The planner behind the plugin contract: id `plane-pp`.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
+use fleetyard_abi::sdk::{Annotations, Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, Environment, Instance, Kind, Knot, KnotPlan, Robot,
+    Annotation, Budget, Capability, Descriptor, Environment, Instance, Kind, Knot, KnotPlan, Robot,
     SharedEnvironment, State, Status, WorkspaceEnvironment,
 };
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
@@ -143,6 +143,9 @@ impl Planner for PlanePrioritised {
                 let End::Solved(stops) = end else {
                     return Err(unsolved(end == End::Stopped, orders));
                 };
+                if let Some(annotations) = call.annotations() {
+                    show(&stops, annotations);
+                }
                 let knots = agents.iter().zip(&stops);
                 let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
                 Ok(sink.submit(&knots)?)
@@ -161,6 +164,36 @@ impl Planner for PlanePrioritised {
                 Err(Failure::new(status, reason))
             }
             Outcome::Stopped => Err(unsolved(true, 0)),
+        }
+    }
+}
+
+/// Hands over ways and waits, in layers of these names.
+fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
+    let about = |agent: usize, annotation: Annotation| Annotation {
+        agent: Some(agent as u32),
+        ..annotation
+    };
+    for (agent, stops) in stops.iter().enumerate() {
+        let way = stops.iter().map(|stop| [stop.at.x, stop.at.y]);
+        let mut shown = vec![about(agent, Annotation::lines("ways", [way]))];
+        let waits = stops
+            .iter()
+            .filter(|stop| stop.departure.is_finite() && stop.departure > stop.arrival);
+        shown.extend(waits.map(|stop| {
+            let wait_s = stop.departure - stop.arrival;
+            let wait = Annotation {
+                from_s: stop.arrival,
+                to_s: Some(stop.departure),
+                text: format!("waits for {wait_s:.2} s"),
+                values: vec![wait_s],
+                ..Annotation::points("waits", [[stop.at.x, stop.at.y]])
+            };
+            about(agent, wait)
+        }));
+        for annotation in shown {
+            // What is not kept the host counts.
+            let _ = to.annotate(&annotation);
         }
     }
 }

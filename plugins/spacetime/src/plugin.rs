@@ -3,7 +3,7 @@
 //! A planner is its options: a type that implements [`Method`] says what it is, how it learns
 //! a map, and how it solves an instance. [`Team`] makes the plugin of it.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
+use fleetyard_abi::sdk::{Annotations, Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Environment, GridEnvironment, GridPlan, Instance,
     Kind, SharedEnvironment, Status, monotonic_ns,
@@ -151,6 +151,11 @@ impl<'a> Call<'a> {
     /// Submits a plan. One that comes too late is no fault.
     pub fn submit(&self, plan: &GridPlan) {
         let _ = self.sink.submit(plan);
+    }
+
+    /// Takes what is to be shown, if somebody wants to see it.
+    pub fn annotations(&self) -> Option<&'a dyn Annotations> {
+        self.sink.annotations()
     }
 
     /// Reports a figure.

@@ -26,9 +26,9 @@ use fleetyard_abi::memory::Data;
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Assignment, Budget, ControlPlan, Environment, FleetState, FleetStatus, Footprint, Goals,
-    GridEnvironment, GridPlan, Heading, Instance, Kind, Knot, KnotPlan, Lists, LogLevel, Motion,
-    MotionPlan, Mover, Objective, Part, Plan, PlanRef, Request, RoadmapEnvironment, Robot,
+    Annotation, Assignment, Budget, ControlPlan, Environment, FleetState, FleetStatus, Footprint,
+    Goals, GridEnvironment, GridPlan, Heading, Instance, Kind, Knot, KnotPlan, Lists, LogLevel,
+    Motion, MotionPlan, Mover, Objective, Part, Plan, PlanRef, Request, RoadmapEnvironment, Robot,
     SharedEnvironment, State, Status, View, Visit, WorkspaceEnvironment, c,
 };
 use fleetyard_runtime::Library;
@@ -1310,6 +1310,22 @@ pub(super) fn status_by_c(status: &FleetStatus) {
     // SAFETY: the structure lives through the call.
     let read = unsafe { FleetStatus::from_c(&raw const raw) };
     assert_eq!(read.as_ref(), Ok(status));
+}
+
+/// Checks that an annotation is refused by its C form as it is otherwise, or is the same.
+pub(super) fn annotation_by_c(annotation: &Annotation) {
+    const AGENTS: usize = 4;
+    const PLACES: usize = 64;
+    // Who says by a number that it is about nobody says so by C too.
+    if annotation.agent == Some(c::NONE) {
+        return;
+    }
+    // SAFETY: the structure lives through the call.
+    let read = annotation.with_c(|raw| unsafe { Annotation::from_c(raw, AGENTS, PLACES) });
+    match annotation.check(AGENTS, PLACES) {
+        Ok(()) => assert_eq!(read.as_ref(), Some(&Ok(annotation.clone()))),
+        Err(_) => assert!(read.is_none_or(|read| read.is_err())),
+    }
 }
 
 /// Checks that a plan and a request that a Rust plugin submits by the C form are what a host

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use fleetyard_abi::moves::OFF_MAP;
 use fleetyard_abi::paths::{PathContext, PathsReader, PlanContext, WritePaths, WritePlan};
 use fleetyard_abi::wire::{
-    self, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult, IncumbentParams,
-    InitializeParams, InitializeResult, LogParams, MetricParams, NoteParams, Outcome, PlanParams,
-    PlanResult, PlanText, PrepareParams, ProgressParams, RecoverParams, Request, Response,
-    ShouldInvokeParams, ShouldInvokeResult,
+    self, AnnotationParams, CancelParams, CreateParams, Envelope, GenerateParams, GenerateResult,
+    IncumbentParams, InitializeParams, InitializeResult, LogParams, MetricParams, NoteParams,
+    Outcome, PlanParams, PlanResult, PlanText, PrepareParams, ProgressParams, RecoverParams,
+    Request, Response, ShouldInvokeParams, ShouldInvokeResult,
 };
 use fleetyard_abi::{
     Environment, FleetState, GridPlan, Instance, PathEncoding, Plan, Request as NextRequest, View,
@@ -152,6 +152,9 @@ fn parameters(text: &str) {
         assert!(metric.value.is_finite());
         let written = serde_json::to_string(&metric.value).expect("a number");
         assert_eq!(written.parse(), Ok(metric.value));
+    }
+    if let Some(annotation) = round_trip!(text, AnnotationParams) {
+        abi::annotation_by_c(&annotation);
     }
     if let Some(found) = round_trip!(text, IncumbentParams<'_>) {
         plan(&found);

@@ -14,6 +14,7 @@
 #define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
 #define FLEETYARD_KEPT_ID "fleetyard.kept/1"
 #define FLEETYARD_KEEP_ID "fleetyard.keep/1"
+#define FLEETYARD_ANNOTATIONS_ID "fleetyard.annotations/1"
 #define FLEETYARD_ABI_MAJOR 1
 #define FLEETYARD_ABI_MINOR 0
 #define FLEETYARD_KEPT_LIMIT (1 << 20)
@@ -43,6 +44,10 @@
 #define FLEETYARD_FORM_CELLS 1
 #define FLEETYARD_FORM_VISITS 2
 #define FLEETYARD_FORM_TRAJECTORIES 3
+#define FLEETYARD_SHAPE_POINTS 1
+#define FLEETYARD_SHAPE_LINES 2
+#define FLEETYARD_SHAPE_RINGS 3
+#define FLEETYARD_SHAPE_PLACES 4
 #define FLEETYARD_NONE UINT32_MAX
 #define FLEETYARD_HEADING_EAST 0
 #define FLEETYARD_HEADING_SOUTH 1
@@ -363,6 +368,26 @@ typedef struct FleetyardSink {
   void (*progress)(void *context, uint64_t done, uint64_t total);
   const void *(*get_extension)(void *context, struct FleetyardStr id);
 } FleetyardSink;
+typedef struct FleetyardAnnotation {
+  uint32_t struct_size;
+  int32_t shape;
+  struct FleetyardStr layer;
+  struct FleetyardStr text;
+  uint32_t agent;
+  uint32_t count;
+  double from_s;
+  double to_s;
+  const uint64_t *offsets;
+  const double *x_m;
+  const double *y_m;
+  const uint32_t *places;
+  const double *values;
+} FleetyardAnnotation;
+typedef struct FleetyardAnnotations {
+  uint32_t struct_size;
+  uint32_t reserved;
+  int32_t (*annotate)(void *context, const struct FleetyardAnnotation *annotation);
+} FleetyardAnnotations;
 typedef struct FleetyardHost {
   uint32_t struct_size;
   uint16_t abi_major;

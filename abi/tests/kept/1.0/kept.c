@@ -189,6 +189,26 @@ static void end(Plan *plan) {
   free(plan->offsets), free(plan->places), free(plan->a), free(plan->b), free(plan->c);
 }
 
+/* Shows the way of each agent, where somebody wants to see it. */
+static void show(const Plan *plan, int32_t form, uint32_t agents, const FleetyardSink *sink) {
+  const FleetyardStr id = TEXT(FLEETYARD_ANNOTATIONS_ID);
+  const FleetyardAnnotations *annotations = sink->get_extension(sink->context, id);
+  bool knots = form == FLEETYARD_FORM_TRAJECTORIES;
+  if (!annotations || annotations->struct_size < sizeof *annotations)
+    return;
+  FleetyardAnnotation ways = {.struct_size = sizeof ways,
+                              .shape = knots ? FLEETYARD_SHAPE_LINES : FLEETYARD_SHAPE_PLACES,
+                              .layer = TEXT("ways"),
+                              .agent = NONE,
+                              .count = agents,
+                              .to_s = INFINITY,
+                              .offsets = plan->offsets,
+                              .x_m = knots ? plan->b : NULL,
+                              .y_m = knots ? plan->c : NULL,
+                              .places = knots ? NULL : plan->places};
+  annotations->annotate(sink->context, &ways);
+}
+
 static int32_t submit(const Plan *plan, int32_t form, uint32_t agents, const FleetyardSink *sink) {
   FleetyardCells cells = {sizeof cells, 0, plan->places};
   FleetyardVisits visits = {sizeof visits, 0, plan->places, plan->a, plan->b};
@@ -196,6 +216,7 @@ static int32_t submit(const Plan *plan, int32_t form, uint32_t agents, const Fle
                                  NULL,         NULL, NULL,    NULL,    NULL};
   const void *bodies[] = {NULL, &cells, &visits, &knots};
   FleetyardPlan whole = {sizeof whole, agents, form, 0, plan->offsets, bodies[form], {NULL, 0}};
+  show(plan, form, agents, sink);
   return sink->submit_plan(sink->context, &whole) == FLEETYARD_OK
              ? SOLVED
              : fail(sink, FLEETYARD_STATUS_INTERNAL_ERROR, "the plan was not taken");

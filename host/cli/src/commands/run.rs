@@ -12,10 +12,10 @@ use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_core::{
     GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, TrajectoryFile, load_map,
-    load_scen, save_roadmap_plan, save_trajectories,
+    load_scen, save_annotations, save_roadmap_plan, save_trajectories,
 };
 use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
-use fleetyard_view::{Picture, World};
+use fleetyard_view::{Layers, Picture, World};
 use fleetyard_views::{Problem, Representation, View, load_problem, visits_of};
 
 use super::simulate::Sinks;
@@ -66,6 +66,10 @@ pub(crate) struct Run {
     /// Write the execution's trace to a file (implies --execute)
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     trace_out: Option<PathBuf>,
+    /// Ask the planner what it wants to show, such as constraints and conflicts, and write that to a
+    /// file, fleetyard.annotations/1; --picture shows it
+    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    annotations: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
     picture: Option<PathBuf>,
@@ -152,9 +156,13 @@ fn first(problem: Problem, agents: usize) -> Result<Problem> {
 
 pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let asked = PluginArg::new(&arguments.planner, &arguments.options)?;
-    for path in [&arguments.plan_out, &arguments.picture]
-        .into_iter()
-        .flatten()
+    for path in [
+        &arguments.plan_out,
+        &arguments.annotations,
+        &arguments.picture,
+    ]
+    .into_iter()
+    .flatten()
     {
         check_folder(path)?;
     }
@@ -162,6 +170,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let outputs = [
         &arguments.plan_out,
         &arguments.trace_out,
+        &arguments.annotations,
         &arguments.picture,
     ];
     let mut hidden: Vec<PathBuf> = outputs.into_iter().flatten().cloned().collect();
@@ -191,6 +200,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         seed: arguments.budget.seed,
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
+        annotations: arguments.annotations.is_some(),
     };
     if let Err(error) = interrupt_calls() {
         output::warning(&format!(
@@ -203,6 +213,16 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let plan = outcome.plan.as_ref();
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
         save(&asked_instance, plan, arguments, record, path)?;
+    }
+    if let (Some(path), Some(annotations)) = (&arguments.annotations, &outcome.annotations) {
+        save_annotations(annotations, path)?;
+        if annotations.left_out > 0 {
+            output::note(&format!(
+                "{} annotations were left out: {} are all that is kept of a call",
+                annotations.left_out,
+                annotations.annotations.len()
+            ));
+        }
     }
     if record.execution.is_some() {
         sinks.finish()?;
@@ -312,11 +332,13 @@ fn save(
 
 /// Draws the instance, and the plan as it is or as it lies in the world.
 fn paint(asked: &Question, outcome: &Outcome, arguments: &Run, path: &Path) -> Result<()> {
+    let layers = outcome.annotations.as_ref().map(Layers::of);
+    let layers = layers.unwrap_or_default();
     match asked {
         Question::Grid(instance) => {
             let grid = instance.grid();
             let world = World::of_grid(grid, sim_config(&arguments.world).cell_size_m);
-            let mut picture = Picture::new(&world);
+            let mut picture = Picture::new(&world).layers(layers);
             if let Some(plan) = outcome.plan.as_ref().and_then(Plan::cells) {
                 picture = picture.plan(grid, plan).goals(grid, instance.goals());
             }
@@ -324,7 +346,7 @@ fn paint(asked: &Question, outcome: &Outcome, arguments: &Run, path: &Path) -> R
         }
         Question::View(asked) => {
             let world = World::of_workspace(&asked.problem.world);
-            let mut picture = Picture::new(&world);
+            let mut picture = Picture::new(&world).layers(layers);
             let judged = outcome.record.judged.as_ref();
             if let Some(lifted) = judged.and_then(|judged| judged.lifted.as_ref()) {
                 picture = picture.trajectories(lifted);

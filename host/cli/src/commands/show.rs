@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fleetyard_core::{InputError, write_atomically};
+use fleetyard_core::{AnnotationFile, InputError, load_annotations, write_atomically};
 use fleetyard_sim::TraceSink;
 use fleetyard_sim::trace::{Header, TraceContents};
-use fleetyard_view::{Page, PageOptions, Recording, Still, World};
+use fleetyard_view::{Layers, Page, PageOptions, Recording, Still, World};
 
 use crate::args::not_negative;
 use crate::exit::Result;
@@ -33,12 +33,21 @@ pub(super) struct ShownArgs {
     /// States per simulated second on the page
     #[arg(long, value_name = "HZ", default_value_t = PageOptions::default().rate_hz)]
     rate: f64,
+    /// Show what a planner wanted to show, as `run --annotations` wrote it, on the pictures and the
+    /// page
+    #[arg(long, value_name = "FILE")]
+    annotations: Option<PathBuf>,
     /// Agents to show on the page, such as 0,3,7-12 [default: all]
     #[arg(long, value_name = "LIST", value_parser = agent_list)]
     agents: Option<AgentList>,
 }
 
 impl ShownArgs {
+    /// The file that is read besides the trace.
+    pub(super) fn input(&self) -> Option<&Path> {
+        self.annotations.as_deref()
+    }
+
     /// The files that are written.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         [&self.svg, &self.png, &self.html].into_iter().flatten()
@@ -75,6 +84,7 @@ pub(super) struct Shown<'a> {
     trace: &'a Path,
     still: Option<Still>,
     page: Option<Page>,
+    layers: Layers,
 }
 
 impl<'a> Shown<'a> {
@@ -84,15 +94,21 @@ impl<'a> Shown<'a> {
             rate_hz: arguments.rate,
             agents: arguments.agents.as_ref().map(|list| list.0.clone()),
         };
+        let layers = match &arguments.annotations {
+            Some(path) => Layers::of(&load(path, header)?),
+            None => Layers::default(),
+        };
         let page = arguments.html.as_ref().map(|path| {
             let recording = Recording::of_trace(title(trace), header);
-            Page::new(recording, &options).map_err(|error| not_drawn(path, &error))
+            let page = Page::new(recording, &options).map_err(|error| not_drawn(path, &error))?;
+            Ok::<_, InputError>(page.layers(layers.clone()))
         });
         Ok(Self {
             arguments,
             trace,
             still: pictures.then(|| Still::new(header, arguments.at)),
             page: page.transpose()?,
+            layers,
         })
     }
 
@@ -120,7 +136,11 @@ impl<'a> Shown<'a> {
                     .into());
             }
             let world = World::of_trace(title(trace), &contents.header);
-            let picture = still.picture(&world);
+            let layers = match arguments.at {
+                Some(at) => self.layers.at(at),
+                None => self.layers,
+            };
+            let picture = still.picture(&world).layers(layers);
             if let Some(path) = &arguments.svg {
                 draw_svg(path, &picture)?;
             }
@@ -140,6 +160,23 @@ impl<'a> Shown<'a> {
         }
         Ok(())
     }
+}
+
+/// Reads annotations, and refuses those of another plan.
+fn load(path: &Path, header: &Header) -> Result<AnnotationFile> {
+    let file = load_annotations(path)?;
+    let executed = header.digests.plan;
+    if let Some(plan) = file
+        .plan_digest
+        .filter(|plan| *plan != executed && executed.0 != 0)
+    {
+        let reason =
+            format!("these annotations are of plan {plan}, but the trace is of {executed}");
+        return Err(InputError::new(file.source, reason)
+            .hint("name the file that was written in the same run")
+            .into());
+    }
+    Ok(file)
 }
 
 fn no_states(path: &Path) -> InputError {

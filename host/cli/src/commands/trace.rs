@@ -31,7 +31,7 @@ pub(crate) enum Trace {
         format: Format,
     },
     Diff(TraceDiff),
-    Export(TraceExport),
+    Export(Box<TraceExport>),
 }
 
 /// Find where two traces differ first; the exit code is 1 if they do.
@@ -418,8 +418,9 @@ fn export(arguments: &TraceExport) -> Result<Exit> {
         shown,
     } = arguments;
     let files = [csv, events, journal, json].into_iter().flatten();
+    let inputs: Vec<&Path> = shown.input().into_iter().chain([file.as_path()]).collect();
     for path in files.chain(shown.files()) {
-        refuse_input(path, &[file.as_path()])?;
+        refuse_input(path, &inputs)?;
     }
     let bar = watch(&[file]);
     let reader = open(file, &bar)?;

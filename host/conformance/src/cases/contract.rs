@@ -9,7 +9,7 @@ use fleetyard_abi::{
 use fleetyard_runtime::{Fault, Session};
 use serde_json::json;
 
-use super::answers::{ONE_CELL, draw, easy};
+use super::answers::{CROSSING, ONE_CELL, draw, easy};
 use crate::question::{Question, Representation};
 use crate::trial::{Answer, Call, Expectation, Step, Stop, Trial, same};
 
@@ -56,6 +56,32 @@ pub(crate) fn unknown_part(trial: &mut Trial<'_>) -> Step<()> {
                 Stop::Failed(format!(
                     "{name}: with a part that it need not know, {reason}"
                 ))
+            })?;
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn annotations_off(trial: &mut Trial<'_>) -> Step<()> {
+    let scene = draw(CROSSING)?;
+    for representation in trial.any_representation() {
+        let question = representation.of(&scene);
+        let mut answers = Vec::new();
+        for wanted in [false, true] {
+            let mut session = trial.ready(&*question)?;
+            session.want_annotations(wanted);
+            let answer = trial.ask(&mut session, &*question, &Call::of(trial.wall()))?;
+            trial.judge(&*question, &answer, Expectation::Plan)?;
+            // In the host's process the session is used again.
+            session.want_annotations(false);
+            trial.close(session);
+            answers.push(answer);
+        }
+        trial.figure("annotations", answers[1].annotations as f64);
+        if trial.claims(Capability::Deterministic) {
+            same(&answers[0], &answers[1]).map_err(|reason| {
+                let name = question.name();
+                Stop::Failed(format!("{name}: asked for annotations, {reason}"))
             })?;
         }
     }

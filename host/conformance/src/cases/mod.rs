@@ -242,6 +242,9 @@ cases! {
     "kept-bytes", MAPS, NOTHING,
     "bytes that it kept come back, and it lives through bytes that it never kept",
     contract::kept_bytes;
+    "annotations-off", PLANS, NOTHING,
+    "asked what it wants to show, and not asked: the same plan, and annotations that are in order",
+    contract::annotations_off;
     "other-representation", MAPS, NOTHING,
     "a map of a representation that it does not claim: `unsupported`",
     contract::other_representation;

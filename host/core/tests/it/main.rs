@@ -1,5 +1,6 @@
 //! Files and the model, in and out.
 
+mod annotations;
 mod bad_input;
 mod formats;
 mod plane_files;

@@ -5,7 +5,7 @@
 //! the input of the call, whatever is answered. Text that is no plan (descriptors, logs, an
 //! instance) is kept until its line ends.
 
-use fleetyard_abi::Instance;
+use fleetyard_abi::{Annotation, Instance};
 
 /// Longest message while a plugin introduces itself.
 pub const INTRODUCTION_BYTES: usize = 4 << 20;
@@ -48,6 +48,23 @@ pub const NOTE_BYTES: usize = 1 << 10;
 /// See [`METRICS`].
 pub const METRIC_NAME_BYTES: usize = 256;
 
+/// Most annotations of a call that are kept.
+pub const ANNOTATIONS: usize = 10_000;
+
+/// Most layers that they may have.
+pub const ANNOTATION_LAYERS: usize = 32;
+
+/// Most points, places and shapes that they may have together.
+pub const ANNOTATION_POINTS: usize = 1 << 20;
+
+/// Most bytes of all their texts.
+pub const ANNOTATION_TEXT_BYTES: usize = 1 << 20;
+
+/// Memory that annotations may take.
+const ANNOTATION_BYTES: usize = ANNOTATION_POINTS * 2 * size_of::<f64>()
+    + ANNOTATION_TEXT_BYTES
+    + ANNOTATIONS * (size_of::<Annotation>() + 2 * size_of::<u64>());
+
 /// Bytes that reading a message may take in all: its text, and what is made of it.
 const READING_BYTES: usize = 8 * MESSAGE_BYTES;
 
@@ -78,11 +95,11 @@ pub fn plan_bytes(agents: usize, cells: usize) -> usize {
 
 /// Most memory that the host takes for what a session's plugin sends, in a call for a plan
 /// of so many agents and cells: the plan that counts, the one that is arriving, older
-/// ones, and messages.
+/// ones, annotations, and messages.
 pub fn session_bytes(agents: usize, cells: usize) -> usize {
     plan_bytes(agents, cells)
         .saturating_mul(2)
-        .saturating_add(OLDER_BYTES)
+        .saturating_add(OLDER_BYTES + ANNOTATION_BYTES)
         .saturating_add(READING_BYTES + LOG_BYTES + STDERR_BYTES)
 }
 

@@ -46,11 +46,13 @@ const FIRST_ID: u64 = 1;
 const ID_STEP: u64 = 1 << 26;
 
 /// A message of a plugin while a call is running.
-pub(crate) enum Notice {
+pub(crate) enum Notice<'a> {
     /// A plan, the number of its paths, and when its last byte arrived.
     Incumbent { read: Read, arrived_ns: u64 },
     /// Bytes that it wants to have with its next call.
     Keep(KeepParams),
+    /// Something to show, as text, and when it arrived.
+    Annotation { text: &'a str, arrived_ns: u64 },
     /// A figure.
     Metric(MetricParams),
     /// A fact about the plugin's inputs.
@@ -159,7 +161,7 @@ struct Wait<'a> {
     asked: bool,
 }
 
-type Notify<'a> = &'a mut dyn FnMut(Notice) -> Result<(), String>;
+type Notify<'a> = &'a mut dyn FnMut(Notice<'_>) -> Result<(), String>;
 
 impl<T: Transport> Client<T> {
     pub(crate) fn new(transport: T, limits: Limits) -> Self {
@@ -508,6 +510,12 @@ impl<T: Transport> Client<T> {
             }
             Message::Keep(keep) => {
                 notify(Notice::Keep(keep)).map_err(Broken::Protocol)?;
+            }
+            // Nobody asked for it.
+            Message::Annotation(_) if !asked => {}
+            Message::Annotation(text) => {
+                let notice = Notice::Annotation { text, arrived_ns };
+                notify(notice).map_err(Broken::Protocol)?;
             }
             Message::Metric(metric) => {
                 notify(Notice::Metric(metric)).map_err(Broken::Protocol)?;

@@ -7,15 +7,17 @@ use std::time::Duration;
 use fleetyard_abi::convert::wrong_agents;
 use fleetyard_abi::memory::may_be_kept;
 use fleetyard_abi::paths::PlanContext;
-use fleetyard_abi::sdk::{Rejected, Sink};
-use fleetyard_abi::{Budget, Instance, LogLevel, Plan, PlanRef, Request, monotonic_ns};
+use fleetyard_abi::sdk::{Annotations, Rejected, Sink};
+use fleetyard_abi::{Annotation, Budget, Instance, LogLevel, Plan, PlanRef, Request, monotonic_ns};
 
 use crate::interrupt::interrupted_by;
+use crate::sessions::annotated::Annotated;
 use crate::sessions::bounds::{
     INCUMBENTS, LOG_BYTES, METRIC_NAME_BYTES, METRICS, NOTE_BYTES, OLDER_BYTES,
 };
 use crate::sessions::convert::plan_from_abi;
 use crate::sessions::log::Log;
+use crate::sessions::message::payload;
 use crate::sessions::plan_run::Incumbent;
 
 /// Takes what a plugin submits during a call, whichever way it comes.
@@ -26,6 +28,7 @@ pub(crate) struct Collector {
     answer_by_ns: u64,
     deadline_ns: u64,
     agents: Option<usize>,
+    wants_annotations: bool,
     collected: Mutex<Collected>,
 }
 
@@ -38,6 +41,7 @@ pub(crate) struct Collected {
     pub(crate) late: u64,
     pub(crate) metrics: BTreeMap<String, f64>,
     pub(crate) notes: BTreeMap<String, String>,
+    pub(crate) annotations: Annotated,
     pub(crate) log: Log,
     pub(crate) request: Option<Request>,
     pub(crate) kept: Option<Vec<u8>>,
@@ -45,14 +49,21 @@ pub(crate) struct Collected {
 }
 
 impl Collector {
-    /// For a call that began then.
-    pub(crate) fn new(instance: &Instance, places: u32, budget: &Budget, started_ns: u64) -> Self {
+    /// For a call that began then, with annotations if they are wanted.
+    pub(crate) fn new(
+        instance: &Instance,
+        places: u32,
+        budget: &Budget,
+        started_ns: u64,
+        wants_annotations: bool,
+    ) -> Self {
         Self {
             places,
             started_ns,
             answer_by_ns: budget.answer_by_ns,
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
+            wants_annotations,
             collected: Mutex::default(),
         }
     }
@@ -65,6 +76,7 @@ impl Collector {
             answer_by_ns,
             deadline_ns: u64::MAX,
             agents: None,
+            wants_annotations: false,
             collected: Mutex::default(),
         }
     }
@@ -101,6 +113,28 @@ impl Collector {
             self.keep(plan, arrived_ns);
         }
         Ok(())
+    }
+
+    /// Keeps an annotation as it came, if anybody wants it, or says why it breaks the protocol.
+    pub(crate) fn accept_annotation(&self, text: &str, arrived_ns: u64) -> Result<(), String> {
+        let (true, Some(agents)) = (self.wants_annotations, self.agents) else {
+            return Ok(());
+        };
+        let annotation: Annotation = payload("`annotation`", text)?;
+        annotation.check(agents, self.places as usize)?;
+        self.keep_annotation(&annotation, arrived_ns).or(Ok(()))
+    }
+
+    fn keep_annotation(&self, annotation: &Annotation, arrived_ns: u64) -> Result<(), Rejected> {
+        let mut collected = self.lock();
+        if arrived_ns > self.deadline_ns {
+            collected.annotations.leave_out();
+            Err(Rejected::TooLate)
+        } else if collected.annotations.keep(annotation) {
+            Ok(())
+        } else {
+            Err(Rejected::Busy)
+        }
     }
 
     /// A plan of another form than the map takes breaks the contract.
@@ -218,5 +252,15 @@ impl Sink for Collector {
 
     fn cancelled(&self) -> bool {
         monotonic_ns() >= self.answer_by_ns || interrupted_by().is_some()
+    }
+
+    fn annotations(&self) -> Option<&dyn Annotations> {
+        self.wants_annotations.then_some(self as &dyn Annotations)
+    }
+}
+
+impl Annotations for Collector {
+    fn annotate(&self, annotation: &Annotation) -> Result<(), Rejected> {
+        self.keep_annotation(annotation, monotonic_ns())
     }
 }

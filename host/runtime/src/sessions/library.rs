@@ -490,7 +490,7 @@ impl<T: Raw> Foreign<T> {
         call: impl FnOnce(*mut c_void, &c::Budget, &c::Sink) -> i32,
     ) -> Result<(), Failure> {
         let (agents, most) = asked.unzip();
-        let context = SinkContext::new(sink, agents, most.unwrap_or(PLAN_CELLS));
+        let context = SinkContext::new(sink, agents, most.unwrap_or(PLAN_CELLS)).on(self.cells);
         let code = call(self.raw.context(), &budget.to_c(), &context.to_c());
         result(code, &context)
     }

@@ -26,6 +26,8 @@ pub enum Message<'a> {
     Incumbent(PlanText<'a>),
     /// Bytes that it wants to have with its next call.
     Keep(KeepParams),
+    /// Something to show, still as text: whoever wants it reads it.
+    Annotation(&'a str),
     /// A figure.
     Metric(MetricParams),
     /// A fact about its inputs.
@@ -121,6 +123,7 @@ pub(crate) fn read_without(line: &[u8], cut: Cut) -> Result<Message<'_>, String>
             Message::Incumbent(plan)
         }
         "keep" => Message::Keep(payload("`keep`", params)?),
+        "annotation" => Message::Annotation(params),
         "metric" => {
             let metric: MetricParams = payload("`metric`", params)?;
             check_figure(&metric.name, metric.value)?;

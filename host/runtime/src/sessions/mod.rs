@@ -6,11 +6,13 @@
 //! speaks over [`client`], which reads [`incoming`] lines as [`message`]s within [`bounds`].
 //! At the other end, worker processes serve a shared library ([`library`]) or a
 //! command-line solver ([`adapter`]). [`plan_run`] is a call for a plan and its outcome,
-//! [`collector`] keeps its plans and [`log`] the plugin's log, whichever way they come;
+//! [`collector`] keeps its plans, [`annotated`] what it wants to show and [`log`] the plugin's log,
+//! whichever way they come;
 //! [`limits`] are those of all calls, and [`convert`] is between the domain model and the
 //! contract's.
 
 pub mod adapter;
+pub(crate) mod annotated;
 pub(crate) mod attachment;
 pub mod bounds;
 pub(crate) mod client;

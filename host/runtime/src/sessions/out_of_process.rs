@@ -1,7 +1,9 @@
 //! A plugin in a process of its own, which is spoken to in JSON over pipes.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
+use fleetyard_abi::c::ANNOTATIONS_ID;
 use fleetyard_abi::figures::longest_call_ns;
 use fleetyard_abi::memory::may_be_kept;
 use fleetyard_abi::paths::WritePlan;
@@ -110,12 +112,15 @@ impl<T: Transport> Client<T> {
     ) -> Result<Outcome, Fault> {
         let method = call.method();
         let collector = &running.collector;
-        let mut notify = |notice: Notice| match notice {
+        let mut notify = |notice: Notice<'_>| match notice {
             Notice::Incumbent { read, arrived_ns } => {
                 let (plan, paths) = read?;
                 collector.accept(plan, paths, arrived_ns)
             }
             Notice::Keep(KeepParams { bytes }) => keep(collector, &bytes),
+            Notice::Annotation { text, arrived_ns } => {
+                collector.accept_annotation(text, arrived_ns)
+            }
             Notice::Metric(metric) => {
                 collector.metric(&metric.name, metric.value);
                 Ok(())
@@ -133,9 +138,18 @@ impl<T: Transport> Client<T> {
             // Cells are read as they come; other plans are text until they have ended.
             bytes: context.paths().map_or(PLAN_TEXT_BYTES, |_| MESSAGE_BYTES),
         };
+        let extensions: Vec<Cow<'static, str>> = call
+            .wants_annotations
+            .then_some(ANNOTATIONS_ID.into())
+            .into_iter()
+            .collect();
         let answer = match call.solver {
             Solver::Planner => {
-                let params = PlanParams { instance, budget };
+                let params = PlanParams {
+                    instance,
+                    budget,
+                    extensions,
+                };
                 self.call(method, params, deadline, expected, &mut notify)?
             }
             Solver::FailPolicy(_) => {
@@ -143,6 +157,7 @@ impl<T: Transport> Client<T> {
                     instance,
                     budget,
                     failed_plan: failed.as_deref(),
+                    extensions,
                 };
                 self.call(method, params, deadline, expected, &mut notify)?
             }
@@ -243,7 +258,7 @@ impl<T: Transport> Attachment for Client<T> {
             ..Expected::NO_PLAN
         };
         let collector = Collector::idle(budget.answer_by_ns);
-        let notify = &mut |notice: Notice| match notice {
+        let notify = &mut |notice: Notice<'_>| match notice {
             Notice::Keep(KeepParams { bytes }) => keep(&collector, &bytes),
             notice => nothing_but_figures(notice),
         };
@@ -327,11 +342,11 @@ fn keep(collector: &Collector, Kept { bytes }: &Kept) -> Result<(), String> {
 }
 
 /// In calls that ask for no plan, figures are nobody's, and a plan is a breach.
-fn nothing_but_figures(notice: Notice) -> Result<(), String> {
+fn nothing_but_figures(notice: Notice<'_>) -> Result<(), String> {
     match notice {
         Notice::Incumbent { read, .. } => read.map(drop),
         Notice::Keep(_) => Err("bytes were kept in a call that keeps none".into()),
-        Notice::Metric(_) | Notice::Note(_) => Ok(()),
+        Notice::Annotation { .. } | Notice::Metric(_) | Notice::Note(_) => Ok(()),
     }
 }
 

@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::Fault;
 use crate::confinement::monitor::{CallUsage, Limit};
 use crate::interrupt::Interruptible;
+use crate::sessions::annotated::Annotated;
 use crate::sessions::attachment::{protocol, reported};
 use crate::sessions::bounds::plan_cells;
 use crate::sessions::collector::{Collected, Collector};
@@ -156,6 +157,8 @@ pub struct PlanRun {
     /// The bytes that it wants to have with its next call, if it kept some and the call ended well
     /// and in time.
     pub kept: Option<Vec<u8>>,
+    /// The plugin's annotations, where it is asked for them.
+    pub annotations: Annotated,
     /// Wall time of the call by the host's clock.
     pub planning: Duration,
     /// Wall time of the call as the plugin's process claims it, without transport.
@@ -193,6 +196,7 @@ impl PlanRun {
             metrics: BTreeMap::new(),
             notes: BTreeMap::new(),
             kept: None,
+            annotations: Annotated::default(),
             planning: Duration::ZERO,
             call: None,
             round_trip: None,
@@ -232,6 +236,8 @@ pub(super) struct PlanCall<'a> {
     pub(super) environment: Option<&'a Environment>,
     /// The encoding in which the plugin wants to read paths.
     pub(super) encoding: PathEncoding,
+    /// Somebody wants to see its annotations.
+    pub(super) wants_annotations: bool,
 }
 
 impl<'a> PlanCall<'a> {
@@ -289,7 +295,13 @@ impl Running {
         Self {
             method: call.method(),
             budget,
-            collector: Collector::new(call.instance, call.places() as u32, &budget, began_ns),
+            collector: Collector::new(
+                call.instance,
+                call.places() as u32,
+                &budget,
+                began_ns,
+                call.wants_annotations,
+            ),
             timing: Timing::default(),
             host,
             interruptible,
@@ -345,6 +357,7 @@ impl Ended {
             metrics,
             notes,
             kept,
+            annotations,
             fault,
             ..
         } = self.collected;
@@ -369,6 +382,7 @@ impl Ended {
             metrics,
             notes,
             kept,
+            annotations,
             planning: self.planning,
             call: self.timing.claimed,
             round_trip: self.timing.round_trip,

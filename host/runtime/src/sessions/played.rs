@@ -871,6 +871,7 @@ impl Play {
             instance: &instance,
             environment: Some(&grid),
             encoding: PathEncoding::default(),
+            wants_annotations: false,
         };
         let solve = self.client.solve(&call, &budget);
         if broken.is_some() {

@@ -85,6 +85,7 @@ pub struct Session {
     environment: Option<SharedEnvironment>,
     /// The encoding in which the plugin that was made wants to read paths.
     encoding: PathEncoding,
+    wants_annotations: bool,
     /// From its start until it had introduced itself.
     startup: Duration,
 }
@@ -101,6 +102,7 @@ impl Session {
             introduction,
             environment: None,
             encoding: PathEncoding::default(),
+            wants_annotations: false,
             startup,
         }
     }
@@ -156,6 +158,12 @@ impl Session {
         Ok(report)
     }
 
+    /// From here on plugins are asked what they want to show of their search, or not; at first they
+    /// are not.
+    pub fn want_annotations(&mut self, wanted: bool) {
+        self.wants_annotations = wanted;
+    }
+
     /// Asks a planner for a plan.
     pub fn plan(&mut self, instance: &Instance, budget: &Budget) -> PlanRun {
         self.solve(Solver::Planner, instance, budget)
@@ -178,6 +186,7 @@ impl Session {
             instance,
             environment,
             encoding: self.encoding,
+            wants_annotations: self.wants_annotations,
         };
         self.attachment.solve(&call, budget)
     }

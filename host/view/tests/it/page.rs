@@ -4,11 +4,11 @@
 use std::f64::consts::PI;
 use std::fs;
 
-use fleetyard_core::Grid;
+use fleetyard_core::{Annotation, AnnotationFile, Grid};
 use fleetyard_sim::trace::{By, Entry, Errand, Goal, Happening, Remark, States};
 use fleetyard_sim::{Event, EventKind, Other, TraceSink as _};
 use fleetyard_testkit::browser::{chromium, selftest, with_user};
-use fleetyard_view::{Cells, Outline, Page, PageOptions, Recording, World};
+use fleetyard_view::{Cells, Layers, Outline, Page, PageOptions, Recording, World};
 
 const HOSTILE: &str = "<b>&\"'</script><script>globalThis.hacked = 1</script><!--";
 
@@ -19,6 +19,38 @@ fn states<'a>(x_m: &'a [f64], y_m: &'a [f64], heading_rad: Option<&'a [f64]>) ->
         heading_rad,
         progress: None,
     }
+}
+
+/// Agent 0 may not be somewhere from 2 s to 4 s, and a tree that is there all the time.
+fn layers() -> Layers {
+    let tree = [[[1.5, 1.5], [4.5, 2.5]], [[4.5, 2.5], [8.5, 1.5]]];
+    let annotations = vec![
+        Annotation {
+            agent: Some(0),
+            from_s: 2.0,
+            to_s: Some(4.0),
+            text: HOSTILE.to_owned(),
+            ..Annotation::points(HOSTILE, [[5.5, 2.5]])
+        },
+        Annotation {
+            values: vec![1.0, 3.0],
+            text: "the tree".to_owned(),
+            ..Annotation::lines("tree", tree)
+        },
+        Annotation {
+            agent: Some(1),
+            from_s: 5.0,
+            ..Annotation::rings("tree", [[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]])
+        },
+    ];
+    Layers::of(&AnnotationFile {
+        source: String::new(),
+        planner: None,
+        plan_digest: None,
+        agents: 4,
+        left_out: 3,
+        annotations,
+    })
 }
 
 /// Four agents for 10 s: 0 goes along a row, 1 turns on the spot, 2 stands by the
@@ -53,7 +85,7 @@ fn page(options: &PageOptions) -> String {
         state_every: 1,
         facts: vec![("planner".to_owned(), HOSTILE.to_owned())],
     };
-    let mut page = Page::new(recording, options).unwrap();
+    let mut page = Page::new(recording, options).unwrap().layers(layers());
     for tick in 0..=600u32 {
         let time = f64::from(tick) / 60.0;
         let x = [1.5 + time, 2.5, 6.5, 9.5, 3.0 + (time - 5.0).abs()];
@@ -283,6 +315,6 @@ fn everything_on_the_page_works_in_a_browser() {
     works(
         &page(&PageOptions::default()),
         include_str!("selftest.js"),
-        41,
+        49,
     );
 }

@@ -6,10 +6,10 @@
 use std::path::Path;
 use std::{env, fs};
 
-use fleetyard_core::{Grid, GridPlan, Roadmap, TrajectoryPlan};
+use fleetyard_core::{Annotation, AnnotationFile, Grid, GridPlan, Roadmap, TrajectoryPlan};
 use fleetyard_sim::trace::{Entry, Goal, Happening};
 use fleetyard_sim::{Live, SimConfig, TraceReader, TraceSink as _, TraceWriter};
-use fleetyard_view::{Body, FleetPicture, Outline, Picture, Still, World, difference, png};
+use fleetyard_view::{Body, FleetPicture, Layers, Outline, Picture, Still, World, difference, png};
 use fleetyard_world::{Boundary, Bounds, Polygon, Workspace};
 use resvg::tiny_skia::Pixmap;
 use xxhash_rust::xxh3::xxh3_128;
@@ -48,6 +48,52 @@ fn a_plan_on_a_grid() {
     // Other goals than the paths' ends, one of them off the map.
     let goals = picture.goals(&grid, &[9, 0, 99, 3]).svg();
     assert_eq!(goals.matches("<rect x=").count(), 3);
+}
+
+#[test]
+fn layers_of_a_planner_with_their_legend() {
+    let grid = grid();
+    let world = World::of_grid(&grid, 1.0);
+    let moment = |annotation: Annotation, from_s, to_s| Annotation {
+        from_s,
+        to_s: Some(to_s),
+        ..annotation
+    };
+    let mut places = Annotation::places("constraints", [vec![0], vec![2, 3]]);
+    places.xy_m = [vec![[0.5, 2.5]], vec![[2.5, 2.5], [3.5, 2.5]]]
+        .into_iter()
+        .collect();
+    places.agent = Some(1);
+    places.text = "not <here>".to_owned();
+    let annotations = vec![
+        moment(places, 1.0, 2.0),
+        Annotation {
+            values: vec![0.0, 1.0],
+            ..Annotation::points("Cost so far", [[0.5, 0.5], [4.5, 0.5]])
+        },
+        Annotation::rings(
+            "corridor",
+            [[[1.0, 0.0], [4.0, 0.0], [4.0, 1.0], [1.0, 1.0]]],
+        ),
+    ];
+    let file = AnnotationFile {
+        source: String::new(),
+        planner: None,
+        plan_digest: None,
+        agents: 4,
+        left_out: 0,
+        annotations,
+    };
+    let layers = Layers::of(&file);
+    let picture = |layers| {
+        Picture::new(&world)
+            .plan(&grid, &plan())
+            .layers(layers)
+            .svg()
+    };
+    expect("layers.svg", &picture(layers.clone()));
+    assert!(picture(layers.clone().at(1.5)).contains(">1 constraints<"));
+    assert!(picture(layers.at(2.5)).contains(">0 constraints<"));
 }
 
 #[test]

@@ -260,7 +260,7 @@ proptest! {
         prop_assert_eq!(&outcome, &again);
         if outcome.end == End::Solved {
             prop_assert_eq!(case.judge(&paths, delay), Ok(()));
-            prop_assert_eq!(outcome.conflicts, 0);
+            prop_assert_eq!(&outcome.conflicts, &[]);
             prop_assert!(outcome.lower_bound <= outcome.cost);
         }
     }

@@ -116,6 +116,7 @@ impl<'p> Search<'p> {
 
     /// Puts the paths of a node into the traffic.
     pub(super) fn load(&mut self, id: u32) {
+        self.at = Some(id);
         let mut wanted: Vec<Option<Rc<AgentPath>>> = vec![None; self.members.len()];
         let mut missing = wanted.len();
         let mut at = id;

@@ -89,6 +89,7 @@ enum Mistake {
     RefusesParts,
     RemembersCalls,
     DiesOfBytes,
+    PlansForTheGallery,
     ShortSeeds,
     // Other kinds.
     ReturnsFailedPlan,
