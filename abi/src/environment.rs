@@ -2,21 +2,23 @@
 //! representations.
 //!
 //! On the wire an environment is an object with `representation`, `name`, and one of `grid`,
-//! `roadmap` and `workspace`, so that large lists are read straight into their arrays.
+//! `roadmap` and `workspace`, so that large lists are read straight into their arrays. The types for
+//! that borrow what they write.
 
+use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_2;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::c;
 use crate::lists::Lists;
 use crate::model::{Capabilities, Capability, Heading, Part};
 
 /// The part of the input that stays the same between calls: the map.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "EnvironmentWire", into = "EnvironmentWire")]
-#[schemars(with = "EnvironmentWire")]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(try_from = "EnvironmentWire<'_>")]
+#[schemars(with = "EnvironmentWire<'_>")]
 pub struct Environment {
     /// The map's name, for messages.
     pub name: String,
@@ -168,75 +170,78 @@ impl Environment {
 /// The wire form of an [`Environment`].
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Environment")]
-struct EnvironmentWire {
+struct EnvironmentWire<'a> {
     /// `grid`, `roadmap` or `continuous`.
-    representation: String,
+    representation: Cow<'a, str>,
     /// The map's name, for messages.
     #[serde(default)]
-    name: String,
+    name: Cow<'a, str>,
     /// A key for caches: equal digests, equal views. Left out when there is none.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    digest: String,
+    #[serde(default, skip_serializing_if = "str::is_empty")]
+    digest: Cow<'a, str>,
     /// The map, when the representation is a grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    grid: Option<GridEnvironment>,
+    grid: Option<Cow<'a, GridEnvironment>>,
     /// The map, when the representation is a roadmap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    roadmap: Option<RoadmapEnvironment>,
+    roadmap: Option<Cow<'a, RoadmapEnvironment>>,
     /// The map, when the representation is continuous.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    workspace: Option<WorkspaceEnvironment>,
+    workspace: Option<Cow<'a, WorkspaceEnvironment>>,
     /// Further data by name.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    parts: Vec<Part>,
+    #[serde(default, skip_serializing_if = "<[_]>::is_empty")]
+    parts: Cow<'a, [Part]>,
 }
 
-impl From<Environment> for EnvironmentWire {
-    fn from(environment: Environment) -> Self {
-        let mut wire = Self {
-            representation: String::new(),
-            name: environment.name,
-            digest: environment.digest,
+impl Serialize for Environment {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut wire = EnvironmentWire {
+            representation: "".into(),
+            name: (&self.name).into(),
+            digest: (&self.digest).into(),
             grid: None,
             roadmap: None,
             workspace: None,
-            parts: environment.parts,
+            parts: (&self.parts).into(),
         };
-        let representation = match environment.view {
+        let representation = match &self.view {
             View::Grid(grid) => {
-                wire.grid = Some(grid);
+                wire.grid = Some(Cow::Borrowed(grid));
                 "grid"
             }
             View::Roadmap(roadmap) => {
-                wire.roadmap = Some(roadmap);
+                wire.roadmap = Some(Cow::Borrowed(roadmap));
                 "roadmap"
             }
             View::Workspace(workspace) => {
-                wire.workspace = Some(workspace);
+                wire.workspace = Some(Cow::Borrowed(workspace));
                 "continuous"
             }
         };
         wire.representation = representation.into();
-        wire
+        wire.serialize(serializer)
     }
 }
 
-impl TryFrom<EnvironmentWire> for Environment {
+impl TryFrom<EnvironmentWire<'_>> for Environment {
     type Error = String;
 
-    fn try_from(wire: EnvironmentWire) -> Result<Self, String> {
+    fn try_from(wire: EnvironmentWire<'_>) -> Result<Self, String> {
         let lacks = |field: &str| format!("an environment without `{field}`");
-        let view = match wire.representation.as_str() {
-            "grid" => View::Grid(wire.grid.ok_or_else(|| lacks("grid"))?),
-            "roadmap" => View::Roadmap(wire.roadmap.ok_or_else(|| lacks("roadmap"))?),
-            "continuous" => View::Workspace(wire.workspace.ok_or_else(|| lacks("workspace"))?),
+        let view = match &*wire.representation {
+            "grid" => View::Grid(wire.grid.ok_or_else(|| lacks("grid"))?.into_owned()),
+            "roadmap" => View::Roadmap(wire.roadmap.ok_or_else(|| lacks("roadmap"))?.into_owned()),
+            "continuous" => {
+                let workspace = wire.workspace.ok_or_else(|| lacks("workspace"))?;
+                View::Workspace(workspace.into_owned())
+            }
             other => return Err(format!("the representation `{other}` is unknown")),
         };
         let environment = Self {
-            name: wire.name,
-            digest: wire.digest,
+            name: wire.name.into_owned(),
+            digest: wire.digest.into_owned(),
             view,
-            parts: wire.parts,
+            parts: wire.parts.into_owned(),
         };
         environment.check()?;
         Ok(environment)
@@ -259,8 +264,8 @@ fn same_length(what: &str, found: usize, expected: usize) -> Result<(), String> 
 }
 
 /// A grid. On the wire `passable` and `terrain` are lists of row strings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "GridWire", into = "GridWire")]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(try_from = "GridWire")]
 #[schemars(with = "GridWire")]
 pub struct GridEnvironment {
     /// Number of rows.
@@ -413,8 +418,14 @@ struct GridWire {
     moves: Vec<String>,
 }
 
-impl From<GridEnvironment> for GridWire {
-    fn from(grid: GridEnvironment) -> Self {
+impl Serialize for GridEnvironment {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        GridWire::from(self).serialize(serializer)
+    }
+}
+
+impl From<&GridEnvironment> for GridWire {
+    fn from(grid: &GridEnvironment) -> Self {
         let cols = (grid.cols as usize).max(1);
         let free = |byte: &u8| if *byte == 0 { '@' } else { '.' };
         let passable: Vec<String> = grid
@@ -516,9 +527,9 @@ impl TryFrom<GridWire> for GridEnvironment {
 
 /// A roadmap: vertices in the plane, x to the right and y upwards, and directed edges that are
 /// driven straight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "RoadmapWire", into = "RoadmapWire")]
-#[schemars(with = "RoadmapWire")]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(try_from = "RoadmapWire<'_>")]
+#[schemars(with = "RoadmapWire<'_>")]
 pub struct RoadmapEnvironment {
     /// x of every vertex.
     pub x_m: Vec<f64>,
@@ -548,7 +559,8 @@ impl RoadmapEnvironment {
         speed_m_per_s: f64,
         separation_m: f64,
     ) -> Self {
-        let length_m = straight_lengths(&x_m, &y_m, &edges);
+        let mut length_m = Vec::with_capacity(edges.items().len());
+        length_m.extend(straight_lengths(&x_m, &y_m, &edges));
         Self {
             duration_s: length_m
                 .iter()
@@ -571,12 +583,18 @@ impl RoadmapEnvironment {
 
     /// True if each edge can be driven both ways.
     pub fn is_symmetric(&self) -> bool {
-        let back = |from: usize, to: u32| {
-            let edges = self.edges.get(to as usize);
-            edges.is_some_and(|edges| edges.binary_search(&(from as u32)).is_ok())
-        };
-        let mut lists = self.edges.iter().enumerate();
-        lists.all(|(from, targets)| targets.iter().all(|to| back(from, *to)))
+        // Edges into a vertex come by here in the order of its own ends: both ascend.
+        let mut met = vec![0; self.edges.len()];
+        self.edges.iter().enumerate().all(|(from, targets)| {
+            targets.iter().all(|to| {
+                let Some(back) = self.edges.get(*to as usize) else {
+                    return false;
+                };
+                let at = &mut met[*to as usize];
+                *at += 1;
+                back.get(*at - 1) == Some(&(from as u32))
+            })
+        })
     }
 
     fn check(&self) -> Result<(), String> {
@@ -612,90 +630,100 @@ impl RoadmapEnvironment {
 }
 
 /// Euclidean lengths of edges; NaN where an edge leads to no vertex.
-fn straight_lengths(x_m: &[f64], y_m: &[f64], edges: &Lists<u32>) -> Vec<f64> {
+fn straight_lengths<'a>(
+    x_m: &'a [f64],
+    y_m: &'a [f64],
+    edges: &'a Lists<u32>,
+) -> impl Iterator<Item = f64> + 'a {
     let at = |vertex: usize| match (x_m.get(vertex), y_m.get(vertex)) {
         (Some(x), Some(y)) => [*x, *y],
         _ => [f64::NAN; 2],
     };
-    let mut lengths = Vec::with_capacity(edges.items().len());
-    for (vertex, targets) in edges.iter().enumerate() {
+    edges.iter().enumerate().flat_map(move |(vertex, targets)| {
         let [x, y] = at(vertex);
-        lengths.extend(targets.iter().map(|target| {
+        targets.iter().map(move |target| {
             let [to_x, to_y] = at(*target as usize);
             ((to_x - x) * (to_x - x) + (to_y - y) * (to_y - y)).sqrt()
-        }));
-    }
-    lengths
+        })
+    })
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Roadmap")]
-struct RoadmapWire {
+struct RoadmapWire<'a> {
     /// x of every vertex.
-    x_m: Vec<f64>,
+    x_m: Cow<'a, [f64]>,
     /// y of every vertex.
-    y_m: Vec<f64>,
+    y_m: Cow<'a, [f64]>,
     /// For each vertex the ends of its edges, ascending.
     #[schemars(with = "Vec<Vec<u32>>")]
-    edges: Lists<u32>,
+    edges: Cow<'a, Lists<u32>>,
     /// Full speed.
     speed_m_per_s: f64,
     /// The least distance of two robots' centres at any time.
     separation_m: f64,
     /// Length of each edge, in the order of `edges`. Left out when they are the straight ones.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    length_m: Vec<f64>,
+    #[serde(default, skip_serializing_if = "<[_]>::is_empty")]
+    length_m: Cow<'a, [f64]>,
     /// Time that each edge takes at full speed, in the order of `edges`. Left out when it is the
     /// length through the speed.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    duration_s: Vec<f64>,
+    #[serde(default, skip_serializing_if = "<[_]>::is_empty")]
+    duration_s: Cow<'a, [f64]>,
     /// The world in which the roadmap lies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    workspace: Option<WorkspaceEnvironment>,
+    workspace: Option<Cow<'a, WorkspaceEnvironment>>,
 }
 
-impl From<RoadmapEnvironment> for RoadmapWire {
-    fn from(roadmap: RoadmapEnvironment) -> Self {
-        let straight = straight_lengths(&roadmap.x_m, &roadmap.y_m, &roadmap.edges);
-        let lengths = roadmap.length_m.iter();
-        let even = lengths.map(|length| length / roadmap.speed_m_per_s);
-        let unless = |same: bool, values: Vec<f64>| if same { Vec::new() } else { values };
-        Self {
-            duration_s: unless(
-                even.eq(roadmap.duration_s.iter().copied()),
-                roadmap.duration_s,
-            ),
-            length_m: unless(straight == roadmap.length_m, roadmap.length_m),
-            x_m: roadmap.x_m,
-            y_m: roadmap.y_m,
-            edges: roadmap.edges,
-            speed_m_per_s: roadmap.speed_m_per_s,
-            separation_m: roadmap.separation_m,
-            workspace: roadmap.workspace,
-        }
+impl Serialize for RoadmapEnvironment {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let straight = straight_lengths(&self.x_m, &self.y_m, &self.edges);
+        let is_straight = straight.eq(self.length_m.iter().copied());
+        let even = self
+            .length_m
+            .iter()
+            .map(|length| length / self.speed_m_per_s);
+        let is_even = even.eq(self.duration_s.iter().copied());
+        let unless = |same, values| {
+            if same {
+                Cow::default()
+            } else {
+                Cow::from(values)
+            }
+        };
+        let wire = RoadmapWire {
+            x_m: (&self.x_m).into(),
+            y_m: (&self.y_m).into(),
+            edges: Cow::Borrowed(&self.edges),
+            speed_m_per_s: self.speed_m_per_s,
+            separation_m: self.separation_m,
+            length_m: unless(is_straight, &self.length_m),
+            duration_s: unless(is_even, &self.duration_s),
+            workspace: self.workspace.as_ref().map(Cow::Borrowed),
+        };
+        wire.serialize(serializer)
     }
 }
 
-impl TryFrom<RoadmapWire> for RoadmapEnvironment {
+impl TryFrom<RoadmapWire<'_>> for RoadmapEnvironment {
     type Error = String;
 
-    fn try_from(wire: RoadmapWire) -> Result<Self, String> {
+    fn try_from(wire: RoadmapWire<'_>) -> Result<Self, String> {
         let mut roadmap = Self::straight(
-            wire.x_m,
-            wire.y_m,
-            wire.edges,
+            wire.x_m.into_owned(),
+            wire.y_m.into_owned(),
+            wire.edges.into_owned(),
             wire.speed_m_per_s,
             wire.separation_m,
         );
         if !wire.length_m.is_empty() {
             let lengths = wire.length_m.iter();
             roadmap.duration_s = lengths.map(|length| length / wire.speed_m_per_s).collect();
-            roadmap.length_m = wire.length_m;
+            roadmap.length_m = wire.length_m.into_owned();
         }
         if !wire.duration_s.is_empty() {
-            roadmap.duration_s = wire.duration_s;
+            roadmap.duration_s = wire.duration_s.into_owned();
         }
-        roadmap.workspace = wire.workspace;
+        roadmap.workspace = wire.workspace.map(Cow::into_owned);
         Ok(roadmap)
     }
 }

@@ -4,7 +4,8 @@ use std::fmt;
 use std::ops::{Index, Range};
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::{DeserializeSeed, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Lists of different lengths, stored flat: list `i` is `items[offsets[i]..offsets[i + 1]]`.
 /// On the wire a list of lists.
@@ -170,10 +171,53 @@ impl<T: Serialize> Serialize for Lists<T> {
 }
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Lists<T> {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Ok(Vec::<Vec<T>>::deserialize(deserializer)?
-            .into_iter()
-            .collect())
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut lists = Self::default();
+        deserializer.deserialize_seq(ReadLists(&mut lists))?;
+        Ok(lists)
+    }
+}
+
+/// Reads lists into those that are there.
+struct ReadLists<'a, T>(&'a mut Lists<T>);
+
+/// Reads the items of one list.
+struct ReadList<'a, T>(&'a mut Lists<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for ReadLists<'_, T> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a sequence")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut lists: A) -> Result<(), A::Error> {
+        while lists.next_element_seed(ReadList(self.0))?.is_some() {}
+        Ok(())
+    }
+}
+
+impl<'de, T: Deserialize<'de>> DeserializeSeed<'de> for ReadList<'_, T> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for ReadList<'_, T> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a sequence")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<(), A::Error> {
+        while let Some(item) = items.next_element()? {
+            self.0.push_item(item);
+        }
+        self.0.end_list();
+        Ok(())
     }
 }
 

@@ -179,8 +179,27 @@ impl Refusal {
     }
 }
 
+/// A request to learn a map. Its parameters, which may be large, are read at once, and not first as
+/// text; the reading of another request ends at its method.
+#[derive(Deserialize)]
+struct Preparing {
+    id: u64,
+    #[serde(rename = "method")]
+    _method: Prepare,
+    params: PrepareParams,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Prepare {
+    Prepare,
+}
+
 impl<W: Write + Send> Server<'_, W> {
     fn answer(&mut self, line: &str) {
+        if let Ok(Preparing { id, params, .. }) = serde_json::from_str(line) {
+            return self.guard(id, |server| server.prepare(id, params));
+        }
         let envelope: Envelope<'_> = match serde_json::from_str(line) {
             Ok(envelope) => envelope,
             Err(error) => {
@@ -193,7 +212,12 @@ impl<W: Write + Send> Server<'_, W> {
             return self.channel.send(&response);
         };
         let text = envelope.params.map_or("null", RawValue::get);
-        let refusal = match catch_unwind(AssertUnwindSafe(|| self.dispatch(id, method, text))) {
+        self.guard(id, |server| server.dispatch(id, method, text));
+    }
+
+    /// Makes a call, and answers with an error when it is refused or panics.
+    fn guard(&mut self, id: u64, call: impl FnOnce(&mut Self) -> Result<(), Refusal>) {
+        let refusal = match catch_unwind(AssertUnwindSafe(|| call(self))) {
             Ok(Ok(())) => return,
             Ok(Err(refusal)) => refusal,
             Err(payload) => {
@@ -206,6 +230,23 @@ impl<W: Write + Send> Server<'_, W> {
         };
         self.channel
             .send(&Response::error(Some(id), refusal.code, refusal.message));
+    }
+
+    fn prepare(&mut self, id: u64, asked: PrepareParams) -> Result<(), Refusal> {
+        let PrepareParams {
+            environment,
+            budget,
+        } = asked;
+        let environment = SharedEnvironment::new(environment);
+        let sink = self.channel.sink(id, Some(&budget), Answer::None);
+        let object = self.object.as_mut();
+        let prepared = object.and_then(|object| object.prepare(&environment, &budget, &sink));
+        let Some(result) = prepared else {
+            return Err(wrong_object("prepare", self.object.as_ref()));
+        };
+        self.environment = result.is_ok().then_some(environment);
+        self.channel.reply(id, outcome(result)?);
+        Ok(())
     }
 
     fn dispatch(&mut self, id: u64, method: &str, text: &str) -> Result<(), Refusal> {
@@ -250,22 +291,7 @@ impl<W: Write + Send> Server<'_, W> {
                     .create(kind, &plugin, Options::new(&options), &sink);
                 channel.reply(id, outcome(made.map(|object| self.object = Some(object)))?);
             }
-            "prepare" => {
-                let PrepareParams {
-                    environment,
-                    budget,
-                } = params(text)?;
-                let environment = SharedEnvironment::new(environment);
-                let sink = channel.sink(id, Some(&budget), Answer::None);
-                let object = self.object.as_mut();
-                let prepared =
-                    object.and_then(|object| object.prepare(&environment, &budget, &sink));
-                let Some(result) = prepared else {
-                    return Err(wrong_object(method, self.object.as_ref()));
-                };
-                self.environment = result.is_ok().then_some(environment);
-                channel.reply(id, outcome(result)?);
-            }
+            "prepare" => self.prepare(id, params(text)?)?,
             "plan" => {
                 let PlanParams {
                     instance,
