@@ -172,6 +172,10 @@ fn trajectories(plan: &TrajectoryPlan, data: &[u8]) {
         column(|knot| knot.y_m),
         headings,
     );
+    let again = again.and_then(|again| match plan.controls() {
+        Some(controls) => again.with_controls(controls.clone()),
+        None => Ok(again),
+    });
     assert_eq!(again.as_ref(), Ok(plan));
 }
 

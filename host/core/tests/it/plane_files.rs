@@ -669,3 +669,42 @@ fn examples_of_ccbs() {
     let log = load_any_plan(&examples.join("grid_task_log.xml"), None, size).unwrap();
     assert!(matches!(log, AnyPlan::Trajectories(file) if file.plan.agents() > 10));
 }
+
+#[test]
+fn actions_of_dynobench_become_controls() {
+    let result = |actions: &str| {
+        let text = format!(
+            "result:\n  - states:\n      - [1, 2, 0]\n      - [1.05, 2, 0]\n      - [1.1, 2, 0.05]\n\
+             {actions}  - states:\n      - [5, 5, 0]\n"
+        );
+        read_dynobench("r.yaml", text.as_bytes())
+    };
+    let plan = result("    actions:\n      - [0.5, 0]\n      - [0.5, 0.5]\n").unwrap();
+    let controls = plan.controls().unwrap();
+    let own: Vec<(f64, &[f64])> = controls
+        .of(0)
+        .map(|segment| (segment.duration_s, segment.control))
+        .collect();
+    assert_eq!(own, [(0.1, &[0.5, 0.0][..]), (0.1, &[0.5, 0.5][..])]);
+    assert_eq!(controls.of(1).len(), 0);
+    // They count for the digest, and come back from a file.
+    let without = result("    actions: []\n").unwrap();
+    assert!(without.controls().is_none() && without.digest() != plan.digest());
+    let file = TrajectoryFile {
+        source: "a.json".to_owned(),
+        ..TrajectoryFile::new(plan)
+    };
+    let again = read_trajectories("a.json", &write_trajectories(&file));
+    assert_eq!(again.as_ref(), Ok(&file));
+    let told = |actions: &str| result(actions).unwrap_err().to_string();
+    let few = told("    actions:\n      - [0.5, 0]\n");
+    assert!(
+        few.contains("1 actions do not lead through 3 states"),
+        "{few}"
+    );
+    let uneven = told("    actions:\n      - [0.5, 0]\n      - [0.5]\n");
+    assert!(
+        uneven.contains("segment 1 of agent 0 has a control of 1 numbers"),
+        "{uneven}"
+    );
+}
