@@ -539,7 +539,7 @@ const ON_PLACES: &[Promise] = &[
     (
         "promising-plane",
         "off-controls",
-        "idle-agents heterogeneous workspace-one workspace-gap workspace-mover limits controls",
+        "heterogeneous workspace-one workspace-gap workspace-mover limits controls",
     ),
     ("promising-plane", "ignores-movers", "workspace-mover"),
     (
