@@ -50,6 +50,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-core",
             "fleetyard-runtime",
             "fleetyard-sim",
+            "fleetyard-views",
             "fleetyard-world",
         ],
     ),

@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, SharedEnvironment};
+use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Robot, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
@@ -242,6 +242,9 @@ struct Run<'a> {
     log: Log,
     infos: Vec<ModuleInfo>,
     answers: Answers<Plugins>,
+    /// The model of the robots as planners are told it. Fleets of several models go without: not
+    /// every planner takes them.
+    robots: Vec<Robot>,
     /// Notices that belong to the next call, which was not made yet.
     early: Vec<Notice>,
     /// Blocks in all, and of a planner's limit.
@@ -328,6 +331,7 @@ impl<'a> Run<'a> {
             },
             infos,
             answers,
+            robots: robots(ground.fleet),
             early: Vec::new(),
             blocks,
             block: 0,
@@ -711,6 +715,7 @@ impl<'a> Run<'a> {
                         window_steps,
                         motion: config.motion,
                         radius_m: radius_m(self.ground.fleet, config),
+                        robots: self.robots.clone(),
                         ..Instance::default()
                     },
                     tasks: self.assigner.open_tasks(),
@@ -880,6 +885,14 @@ fn recorded_batch(
         Ok(batch) => Ok(Some(batch)),
         Err(refused) => Err(format!("the plan may not be executed: {refused}")),
     }
+}
+
+/// The model of all robots, if they have the same.
+fn robots(fleet: Option<&Fleet>) -> Vec<Robot> {
+    let one = fleet.filter(|fleet| fleet.profiles().len() == 1);
+    one.map_or_else(Vec::new, |fleet| {
+        fleetyard_views::robots_of(fleet, |_| String::new())
+    })
 }
 
 /// True if all robots have to turn before they can move another way.

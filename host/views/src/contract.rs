@@ -10,6 +10,7 @@ use fleetyard_check::{MOST_DRIVEN_KNOTS, Pace};
 use fleetyard_core::{
     Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan, check_controls,
 };
+use fleetyard_sim::Fleet;
 use fleetyard_world::{Boundary, ControlModel, Dynamics, Shape, Travel, Workspace};
 
 use crate::judge::{GridTerms, Judged};
@@ -241,13 +242,7 @@ fn footprint(shape: &Shape) -> Footprint {
 impl Problem {
     /// The kinds of robots as planners are told them.
     pub(crate) fn robots(&self) -> Vec<Robot> {
-        let profiles = self.fleet.profiles().iter().zip(self.fleet.shapes());
-        profiles
-            .enumerate()
-            .map(|(kind, (profile, shape))| {
-                robot(&self.kind_name(kind), shape, profile.model.dynamics())
-            })
-            .collect()
+        robots_of(&self.fleet, |kind| self.kind_name(kind))
     }
 
     /// The state of a robot of an agent that rests at a place, with `any` as its heading where the task
@@ -336,6 +331,14 @@ impl Problem {
             crate::Fleets::File(_) => String::new(),
         }
     }
+}
+
+/// The models of a fleet as planners are told them.
+pub fn robots_of(fleet: &Fleet, name: impl Fn(usize) -> String) -> Vec<Robot> {
+    let profiles = fleet.profiles().iter().zip(fleet.shapes()).enumerate();
+    profiles
+        .map(|(kind, (profile, shape))| robot(&name(kind), shape, profile.model.dynamics()))
+        .collect()
 }
 
 /// A robot with the dynamics that its limits make of it.

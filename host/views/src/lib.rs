@@ -26,7 +26,7 @@ mod view;
 mod world;
 
 pub use cells::{CellsView, grid_to_roadmap};
-pub use contract::{PlanTerms, visits_of};
+pub use contract::{PlanTerms, robots_of, visits_of};
 pub use free::{FREE_SLACK_M, Free};
 pub use grid::{GridSpec, GridView, cell_side_m, world_to_grid};
 pub use judge::{GridTerms, Judged, StepCosts, ViewVerdict};

@@ -42,13 +42,13 @@
 #![forbid(unsafe_code)]
 
 mod lacam;
-pub mod lanes;
 pub mod lifelong;
 mod one_shot;
 mod pibt;
 pub mod plugin;
 mod scatter;
 mod solve;
+pub mod streets;
 
 pub use fleetyard_plugin_spacetime::problem::ProblemError;
 pub use solve::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};

@@ -89,6 +89,8 @@ pub struct Place {
     pub agent: usize,
     /// The cell where it is.
     pub cell: u32,
+    /// The direction in which it looks, where headings are known.
+    pub heading: Option<u8>,
     /// Number of its goals that it has visited.
     pub visited: usize,
 }
@@ -96,16 +98,17 @@ pub struct Place {
 /// Has a say in where agents go.
 pub trait Ranking {
     /// Puts into order, best first, the cells where an agent may be after a step: those
-    /// around it and its own, which are given as PIBT would try them. Asked once or more per
+    /// around it and its own, which are given as PIBT would try them. Gives how many of them, at
+    /// the end, the agent goes to only when it is pushed out of its cell. Asked once or more per
     /// agent and step; the answer must not depend on how often.
-    fn rank(&mut self, place: Place, cells: &mut [u32]);
+    fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize;
 
-    /// Remaining cost of an agent, if that is not the distance: under a window the agent with the
+    /// Remaining cost of an agent, by default its distance: under a window the agent with the
     /// least goes first. A ranking whose first choice always makes this less lets the first of all
     /// agents arrive.
     #[inline]
-    fn urgency(&mut self, _: Place) -> Option<u32> {
-        None
+    fn urgency(&mut self, _: Place, distance: u32) -> u32 {
+        distance
     }
 }
 
@@ -115,7 +118,9 @@ pub struct ByDistance;
 
 impl Ranking for ByDistance {
     #[inline]
-    fn rank(&mut self, _: Place, _: &mut [u32]) {}
+    fn rank(&mut self, _: Place, _: &mut [u32]) -> usize {
+        0
+    }
 }
 
 /// Plans for a fleet on one map. Tables of the ways to goals are kept from call to call;
@@ -250,17 +255,24 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
     }
 
     #[inline]
-    fn rank(&mut self, graph: &Graph, agent: usize, here: Vertex, candidates: &mut [Vertex]) {
+    fn rank(
+        &mut self,
+        graph: &Graph,
+        agent: usize,
+        here: Vertex,
+        candidates: &mut [Vertex],
+    ) -> usize {
         let mut cells = [0; DIRECTIONS + 1];
         let cells = &mut cells[..candidates.len()];
         for (cell, &v) in cells.iter_mut().zip(&*candidates) {
             *cell = graph.cell(v);
         }
         let place = self.place(agent, here);
-        self.ranking.rank(place, cells);
+        let refused = self.ranking.rank(place, cells);
         for (v, &cell) in candidates.iter_mut().zip(&*cells) {
             *v = graph.vertex(cell).unwrap_or(*v);
         }
+        refused
     }
 }
 
@@ -541,8 +553,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             return u32::MAX;
         }
         let place = self.place(agent, v);
-        let urgency = self.ranking.urgency(place);
-        urgency.unwrap_or(self.distance[agent])
+        self.ranking.urgency(place, self.distance[agent])
     }
 
     fn place(&self, agent: usize, v: Vertex) -> Place {
@@ -550,6 +561,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             step: self.step,
             agent,
             cell: self.graph.cell(v),
+            heading: Some(self.ahead[agent]).filter(|ahead| *ahead != NOWHERE),
             visited: self.next[agent],
         }
     }

@@ -58,9 +58,18 @@ pub(crate) trait Wishes {
     /// True if `v` is where `agent` wants to stay.
     fn rests(&self, agent: usize, v: Vertex) -> bool;
     /// The last word about the order in which `agent` tries the vertices where it can be
-    /// next, best first.
+    /// next, best first. Gives how many of them, at the end, it tries only when it has to leave
+    /// `here`.
     #[inline]
-    fn rank(&mut self, _graph: &Graph, _agent: usize, _here: Vertex, _candidates: &mut [Vertex]) {}
+    fn rank(
+        &mut self,
+        _graph: &Graph,
+        _agent: usize,
+        _here: Vertex,
+        _candidates: &mut [Vertex],
+    ) -> usize {
+        0
+    }
 }
 
 /// One goal per agent, distances to it, and paths that avoid one another as advice.
@@ -303,12 +312,12 @@ impl<'g> Pibt<'g> {
                 count += 1;
             }
         }
-        wishes.rank(self.graph, agent as usize, here, &mut candidates[..count]);
+        let refused = wishes.rank(self.graph, agent as usize, here, &mut candidates[..count]);
         let mut pulled = NOBODY;
         if self.swap {
             pulled = self.swap_partner(agent, here, candidates[0], wishes);
             if pulled != NOBODY {
-                candidates[..count].reverse();
+                candidates[..count - refused].reverse();
             }
         }
         Frame {

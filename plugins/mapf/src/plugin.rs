@@ -9,8 +9,8 @@ use fleetyard_plugin_spacetime::problem::graph_of;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::lanes::Streets;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
+use crate::streets::{Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
 /// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
@@ -186,7 +186,7 @@ impl Roads {
             0 => TABLE_BYTES,
             bytes => TABLE_BYTES.min(bytes / 2),
         };
-        let streets = || Streets::new(&graph, lane_charge, LANE_BYTES.min(bytes / 2));
+        let streets = || Streets::new(&graph, lane_charge, grid.step_s, LANE_BYTES.min(bytes / 2));
         Ok(Self {
             streets: (lane_charge > 0).then(streets),
             lifelong: Lifelong::new(graph, bytes),
@@ -263,9 +263,12 @@ impl Roads {
         };
         let stop = &mut || call.stop();
         let streets = self.streets.as_mut().filter(|_| query.window.is_some());
-        let ranking = streets.and_then(|streets| streets.ranking(&instance.goals, stop));
+        let ranking = streets.and_then(|streets| {
+            let turning = Turning::of(instance);
+            streets.ranking(&instance.starts, &instance.goals, turning, stop)
+        });
         let (plan, end) = match ranking {
-            Some(mut by_lane) => self.lifelong.run(&query, &mut by_lane, stop),
+            Some(mut by_street) => self.lifelong.run(&query, &mut by_street, stop),
             None => self.lifelong.run(&query, &mut ByDistance, stop),
         }?;
         // Under a window a plan may be shorter than asked for: everybody stays then.

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::distance::{MAX_DISTANCE, Table, Tables};
+use crate::distance::{MAX_DISTANCE, Steps, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
 use crate::lanes::Lanes;
 use crate::plan::plan_of;
@@ -179,7 +179,8 @@ pub fn vertices_of(
 #[derive(Debug)]
 pub struct Ground {
     graph: Arc<Graph>,
-    tables: Tables,
+    /// By goal, and by what [`Steps`] count.
+    tables: Tables<(Vertex, bool, bool)>,
     lanes: Option<Arc<Lanes>>,
 }
 
@@ -204,11 +205,6 @@ impl Ground {
     /// The graph.
     pub fn graph(&self) -> &Arc<Graph> {
         &self.graph
-    }
-
-    /// The tables that are kept.
-    pub fn tables(&self) -> &Tables {
-        &self.tables
     }
 
     /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked between
@@ -260,7 +256,12 @@ impl Ground {
                     goals: wanted,
                     limit: self.tables.limit(),
                 };
-                let table = self.tables.get(&graph, goal, turning, lanes.as_deref());
+                let steps = Steps {
+                    turning,
+                    lanes: lanes.as_deref(),
+                };
+                let key = (goal, turning, lanes.is_some());
+                let table = self.tables.get(key, &graph, goal, &steps);
                 let table = table.ok_or(memory)?;
                 route.goals.push(goal);
                 route.tables.push(table);

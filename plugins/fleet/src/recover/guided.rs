@@ -183,20 +183,21 @@ impl Field {
 }
 
 impl Ranking for Guides<'_> {
-    fn rank(&mut self, place: Place, cells: &mut [u32]) {
+    fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize {
         let Some(field) = self.agents[place.agent].field(place.visited) else {
-            return;
+            return 0;
         };
         let vertex = |cell: u32| self.ground.graph.vertex(cell);
         if field.open_end.is_some() && field.open_end == vertex(place.cell) {
             field.left_behind = true;
         }
         if field.left_behind {
-            return;
+            return 0;
         }
         cells.sort_by_cached_key(|cell| match vertex(*cell) {
             Some(v) => field.get(self.ground, v),
             None => (u32::MAX, u32::MAX),
         });
+        0
     }
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
 use fleetyard_plugin_mapf::ProblemError;
-use fleetyard_plugin_mapf::lanes::Streets;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
+use fleetyard_plugin_mapf::streets::{Streets, Turning};
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
@@ -100,12 +100,12 @@ fn drive(
     cells.truncate(agents);
     let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
     let mut planner = lifelong(map);
-    let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
+    let mut streets = Streets::new(planner.graph(), charge, 1.0, 1 << 24);
     let (mut reached, mut longest) = (0, 0);
     for call in 0..calls {
         if fresh {
             planner = lifelong(map);
-            streets = Streets::new(planner.graph(), charge, 1 << 24);
+            streets = Streets::new(planner.graph(), charge, 1.0, 1 << 24);
         }
         let lists: Vec<Vec<u32>> = (0..agents)
             .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
@@ -116,8 +116,10 @@ fn drive(
             ..query(&cells, &goals, Some(window))
         };
         let (plan, end) = if charge > 0 {
-            let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
-            let run = planner.run(&query, &mut by_lane, &mut || false);
+            let mut by_street = streets
+                .ranking(&cells, &goals, Turning::default(), &mut || false)
+                .unwrap();
+            let run = planner.run(&query, &mut by_street, &mut || false);
             run.unwrap()
         } else {
             run(&mut planner, &query)
@@ -225,9 +227,10 @@ fn a_ranking_has_the_last_word() {
     /// Up wherever that is possible.
     struct Up;
     impl Ranking for Up {
-        fn rank(&mut self, Place { step, agent, .. }: Place, cells: &mut [u32]) {
+        fn rank(&mut self, Place { step, agent, .. }: Place, cells: &mut [u32]) -> usize {
             assert!(step < 3 && agent == 0 && (3..=5).contains(&cells.len()));
             cells.sort_unstable();
+            0
         }
     }
     let map = open(3);
@@ -374,23 +377,27 @@ fn a_lane_is_worth_a_way_round() {
     let map = open(6);
     let goals = grid::goals(&[vec![0], vec![11]]);
     let mut planner = lifelong(&map);
-    for (charge, length) in [(0, 5), (2, 7)] {
-        let mut streets = Streets::new(planner.graph(), charge, 1 << 24);
-        let mut by_lane = streets.ranking(&goals, &mut || false).unwrap();
-        let query = query(&[5, 6], &goals, Some(20));
-        let run = planner.run(&query, &mut by_lane, &mut || false);
-        let (plan, _) = run.unwrap();
-        assert_eq!(judge(&map, &[5, 6], &plan, false), Ok(()));
-        let way = plan.path(0).iter().position(|cell| *cell == 0);
-        assert_eq!(way, Some(length), "{plan:?}");
+    let starts = [5, 6];
+    let query = query(&starts, &goals, Some(20));
+    let way = |plan: &GridPlan| {
+        assert_eq!(judge(&map, &starts, plan, false), Ok(()));
+        plan.path(0).iter().position(|cell| *cell == 0)
+    };
+    assert_eq!(way(&run(&mut planner, &query).0), Some(5));
+    let mut streets = Streets::new(planner.graph(), 2, 1.0, 1 << 24);
+    // Without time for tables everybody goes by distance.
+    for (stopped, length) in [(true, 5), (false, 7)] {
+        let ranking = streets.ranking(&starts, &goals, Turning::default(), &mut || stopped);
+        let mut by_street = ranking.unwrap();
+        let run = planner.run(&query, &mut by_street, &mut || false);
+        assert_eq!(way(&run.unwrap().0), Some(length));
     }
-    // No time, or a map so large that the tables would be too large: no lanes.
-    let mut streets = Streets::new(planner.graph(), 2, 1 << 24);
-    assert!(streets.ranking(&goals, &mut || true).is_none());
+    // On a map so large that the tables would be too large there are no lanes.
     let large = open(1000);
-    let mut streets = Streets::new(lifelong(&large).graph(), 2, 1 << 24);
+    let mut streets = Streets::new(lifelong(&large).graph(), 2, 1.0, 1 << 24);
     let many = self::grid::goals(&vec![vec![0]; 5]);
-    assert!(streets.ranking(&many, &mut || false).is_none());
+    let ranking = streets.ranking(&[0; 5], &many, Turning::default(), &mut || false);
+    assert!(ranking.is_none());
 }
 
 fn crowds() -> impl Strategy<Value = (GridEnvironment, Vec<u32>, Vec<Vec<u32>>)> {

@@ -1,0 +1,282 @@
+//! PIBT along one-way streets, with turns that cost.
+//!
+//! Of the cells where an agent could be next it prefers the one over which the way to its goal
+//! costs the least; of equals those that PIBT prefers by itself. Who goes first is decided by that
+//! way too, so that the first of all still arrives. Three things make a way longer than its moves:
+//!
+//! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
+//!   ([`Lanes::is_barred`]), an agent makes one only if it is pushed, and no way counts on one: if
+//!   ways led along it, agents would stand before it;
+//! - a turn by 90° costs what it costs the robot: the turn itself, braking before it and setting
+//!   out after it ([`Turning`]);
+//! - staying costs a step, and leaves the way as long as it was.
+//!
+//! With the third alone agents would rather wait than turn or leave the lane, and nobody would push:
+//! the first two are part of the tables as well.
+
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+use fleetyard_abi::{Goals, Instance, Limit, Robot};
+use fleetyard_plugin_spacetime::distance::{Costs, Table, Tables};
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::lanes::Lanes;
+
+use crate::lifelong::{Place, Ranking};
+
+/// Units of cost in a step.
+const STEP: u32 = 4;
+/// A turn costs no more steps than this: robots that hardly turn are to arrive as well.
+const MOST_TURN: f64 = 50.0;
+
+/// The time that a turn by 90° takes a robot: to brake, to turn and to set out again, less the time
+/// in which it would have driven the same way without a stop.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Turning {
+    /// Seconds; 0 for robots that drive any way that they want.
+    pub quarter_s: f64,
+}
+
+impl Turning {
+    /// Of the robots of an instance that have to look where they drive: the mean over its agents,
+    /// since they share the tables. None where nobody's headings are known.
+    pub fn of(instance: &Instance) -> Self {
+        let agents = instance.agents();
+        if instance.headings.is_none() || instance.robots.is_empty() || agents == 0 {
+            return Self::default();
+        }
+        let models: Vec<f64> = instance.robots.iter().map(quarter_s).collect();
+        let model = |agent: usize| instance.robot_of.get(agent).map_or(0, |model| *model as usize);
+        let sum_s: f64 = (0..agents).filter_map(|agent| models.get(model(agent))).sum();
+        Self {
+            quarter_s: sum_s / agents as f64,
+        }
+    }
+
+    /// In units of cost.
+    fn units(self, step_s: f64) -> u32 {
+        let steps = (self.quarter_s / step_s).clamp(0.0, MOST_TURN);
+        (steps * f64::from(STEP)).round() as u32
+    }
+}
+
+/// Time for which a turn by 90° keeps a robot, in seconds.
+fn quarter_s(robot: &Robot) -> f64 {
+    let wheels = ["unicycle", "unicycle-2", "differential-drive"];
+    let name = robot.dynamics.strip_prefix("fleetyard.");
+    let name = name.and_then(|name| name.strip_suffix("/1")).unwrap_or("");
+    if !wheels.contains(&name) {
+        return 0.0;
+    }
+    let most = |limits: &[[Limit; 2]], at: usize, end: usize| {
+        let limit = limits.get(at).and_then(|limits| limits[end]);
+        limit.map_or(f64::INFINITY, f64::abs)
+    };
+    let (speed, turn, rates) = if name == "unicycle-2" {
+        let state = &robot.state_limits;
+        (most(state, 3, 1), most(state, 4, 1), Some(&robot.control_limits))
+    } else {
+        let control = &robot.control_limits;
+        (most(control, 0, 1), most(control, 1, 1), None)
+    };
+    let rate = |at, end| rates.map_or(f64::INFINITY, |rates| most(rates, at, end));
+    // Uniform braking takes speed / rate and half the way that speed makes of that time.
+    let lost_s = |rate: f64| if speed.is_finite() { speed / (2.0 * rate) } else { 0.0 };
+    let to_speed_s = turn / rate(1, 1);
+    let turn_s = if to_speed_s.is_nan() || to_speed_s == 0.0 {
+        FRAC_PI_2 / turn
+    } else if to_speed_s * turn >= FRAC_PI_2 {
+        2.0 * (FRAC_PI_2 / rate(1, 1)).sqrt()
+    } else {
+        FRAC_PI_2 / turn + to_speed_s
+    };
+    turn_s + lost_s(rate(0, 0)) + lost_s(rate(0, 1))
+}
+
+/// The streets of a map, and the ways to goals along them, kept from call to call.
+#[derive(Debug)]
+pub struct Streets {
+    graph: Arc<Graph>,
+    lanes: Lanes,
+    step_s: f64,
+    /// By goal, and by what a turn costs.
+    tables: Tables<(Vertex, u32)>,
+}
+
+impl Streets {
+    /// Moves against a lane are charged so many steps of so many seconds. Tables may take so many
+    /// bytes.
+    pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
+        Self {
+            graph: Arc::clone(graph),
+            lanes: Lanes::new(graph, charge),
+            step_s,
+            tables: Tables::new(bytes),
+        }
+    }
+
+    /// Makes ready for a fleet with these goals. Agents whose tables did not fit, or were not made
+    /// before time was up, follow PIBT's own order; the tables of those nearest to their goals are
+    /// made first, and all that were made are kept. `None` when tables of one goal each would take
+    /// more than half of the bytes, so that none would stay to the next goals.
+    pub fn ranking<'a>(
+        &'a mut self,
+        starts: &'a [u32],
+        goals: &'a Goals,
+        turning: Turning,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<ByStreet<'a>> {
+        let turn = turning.units(self.step_s);
+        let bytes = Table::bytes(&self.graph, turn > 0).saturating_mul(goals.len() as u64);
+        if bytes > self.tables.limit() / 2 {
+            return None;
+        }
+        self.tables.begin();
+        let mut ranking = ByStreet {
+            streets: self,
+            turn,
+            goals,
+            ways: vec![(0, None); goals.len()],
+        };
+        let mut missing = Vec::new();
+        for (agent, &start) in starts.iter().enumerate().take(goals.len()) {
+            let Some((start, goal)) = ranking.ends(agent, start) else {
+                continue;
+            };
+            match ranking.streets.tables.kept((goal, turn)) {
+                Some(table) => ranking.ways[agent].1 = Some(table),
+                None => missing.push((ranking.streets.graph.manhattan(start, goal), agent)),
+            }
+        }
+        missing.sort_unstable();
+        for (_, agent) in missing {
+            if stop() {
+                break;
+            }
+            ranking.ways[agent].1 = ranking.way(agent, 0);
+        }
+        Some(ranking)
+    }
+}
+
+/// Costs along the streets.
+struct Tolls<'a> {
+    lanes: &'a Lanes,
+    turn: u32,
+}
+
+impl Costs for Tolls<'_> {
+    fn turn(&self) -> Option<u32> {
+        (self.turn > 0).then_some(self.turn)
+    }
+
+    #[inline]
+    fn step(&self, v: Vertex, d: usize) -> Option<u32> {
+        let charge = self.lanes.charge(v, d);
+        (!self.lanes.is_barred(v, d)).then_some(STEP * (1 + charge))
+    }
+
+    fn most(&self) -> u32 {
+        STEP * (1 + self.lanes.most())
+    }
+}
+
+/// The order of streets in one call.
+#[derive(Debug)]
+pub struct ByStreet<'a> {
+    streets: &'a mut Streets,
+    /// Cost of a turn by 90°.
+    turn: u32,
+    goals: &'a Goals,
+    /// The table of the goal that each agent is after, by how many it has visited before.
+    ways: Vec<(usize, Option<Arc<Table>>)>,
+}
+
+impl ByStreet<'_> {
+    fn ends(&self, agent: usize, start: u32) -> Option<(Vertex, Vertex)> {
+        let graph = &self.streets.graph;
+        let goal = *self.goals.get(agent)?.first()?;
+        Some((graph.vertex(start)?, graph.vertex(goal)?))
+    }
+
+    fn way(&mut self, agent: usize, visited: usize) -> Option<Arc<Table>> {
+        let turn = self.turn;
+        let Streets {
+            graph,
+            lanes,
+            tables,
+            ..
+        } = &mut *self.streets;
+        let goal = graph.vertex(*self.goals.get(agent)?.get(visited)?)?;
+        tables.get((goal, turn), graph, goal, &Tolls { lanes, turn })
+    }
+
+    /// Sees to the table of the next goal of the agent of a [`Place`].
+    #[inline]
+    fn follow(&mut self, place: Place) {
+        if self.ways[place.agent].0 != place.visited {
+            let way = self.way(place.agent, place.visited);
+            self.ways[place.agent] = (place.visited, way);
+        }
+    }
+}
+
+/// The cost of the way from a vertex, for an agent that looks this way or any way.
+#[inline]
+fn far(table: &Table, v: Vertex, heading: Option<u8>) -> u32 {
+    match heading {
+        Some(heading) => table.get(v, heading),
+        None => table.least(v),
+    }
+}
+
+impl Ranking for ByStreet<'_> {
+    #[inline]
+    fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize {
+        self.follow(place);
+        let Streets { graph, lanes, .. } = &*self.streets;
+        let table = self.ways[place.agent].1.as_deref();
+        let Some((table, here)) = table.zip(graph.vertex(place.cell)) else {
+            return 0;
+        };
+        let around = graph.around(here);
+        let mut barred = 0;
+        let mut keys = [(0, 0); DIRECTIONS + 1];
+        let keys = &mut keys[..cells.len()];
+        for (key, &cell) in keys.iter_mut().zip(&*cells) {
+            let v = graph.vertex(cell).unwrap_or(here);
+            let cost = match around.iter().position(|u| *u == v) {
+                None => STEP + far(table, here, place.heading),
+                Some(d) if lanes.is_barred(here, d) => {
+                    barred += 1;
+                    u32::MAX
+                }
+                Some(d) => {
+                    let quarters = place.heading.map_or(0, |heading| {
+                        let apart = (d as u32).abs_diff(heading.into());
+                        apart.min(DIRECTIONS as u32 - apart)
+                    });
+                    let toll = STEP * (1 + lanes.charge(here, d));
+                    self.turn * quarters + toll + table.get(v, d as u8)
+                }
+            };
+            *key = (cost, cell);
+        }
+        keys.sort_by_key(|key| key.0);
+        for (cell, key) in cells.iter_mut().zip(&*keys) {
+            *cell = key.1;
+        }
+        barred
+    }
+
+    #[inline]
+    fn urgency(&mut self, place: Place, distance: u32) -> u32 {
+        self.follow(place);
+        let table = self.ways[place.agent].1.as_deref();
+        let here = self.streets.graph.vertex(place.cell);
+        match table.zip(here) {
+            Some((table, here)) => far(table, here, place.heading),
+            None => distance.saturating_mul(STEP),
+        }
+    }
+}
