@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Budget, Capability, GridEnvironment, GridPlan, Instance, Status};
+use fleetyard_abi::{Budget, Capability, GridEnvironment, GridPlan, Instance, Status, c};
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team};
 use fleetyard_plugin_spacetime::problem::graph_of;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
-use crate::streets::{Streets, Turning};
+use crate::streets::{Journeys, Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
 /// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
@@ -145,6 +145,7 @@ impl Method for PibtOptions {
         Capability::Windowed,
         Capability::DuplicateGoals,
     ];
+    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID];
     type Map = Roads;
 
     fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Roads, Failure> {
@@ -264,8 +265,13 @@ impl Roads {
         let stop = &mut || call.stop();
         let streets = self.streets.as_mut().filter(|_| query.window.is_some());
         let ranking = streets.and_then(|streets| {
-            let turning = Turning::of(instance);
-            streets.ranking(&instance.starts, &instance.goals, turning, stop)
+            let journeys = Journeys {
+                starts: &instance.starts,
+                goals: &instance.goals,
+                turning: Turning::of(instance),
+                traffic: instance.traffic(),
+            };
+            streets.ranking(journeys, stop)
         });
         let (plan, end) = match ranking {
             Some(mut by_street) => self.lifelong.run(&query, &mut by_street, stop),

@@ -2,22 +2,24 @@
 //!
 //! Of the cells where an agent could be next it prefers the one over which the way to its goal
 //! costs the least; of equals those that PIBT prefers by itself. Who goes first is decided by that
-//! way too, so that the first of all still arrives. Three things make a way longer than its moves:
+//! way too, so that the first of all still arrives. Four things make a way longer than its moves:
 //!
 //! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
 //!   ([`Lanes::is_barred`]), an agent makes one only if it is pushed, and no way counts on one: if
 //!   ways led along it, agents would stand before it;
 //! - a turn by 90° costs what it costs the robot: the turn itself, braking before it and setting
 //!   out after it ([`Turning`]);
+//! - a cell where others had to wait of late costs a little more ([`Traffic`]): a jam is gone round
+//!   before it grows. Tables of goals take up new averages in turn, not all at once;
 //! - staying costs a step, and leaves the way as long as it was.
 //!
-//! With the third alone agents would rather wait than turn or leave the lane, and nobody would push:
-//! the first two are part of the tables as well.
+//! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
+//! than turn, and nobody would push.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Instance, Limit, Robot};
+use fleetyard_abi::{Goals, Instance, Limit, Robot, Snapshot, Traffic};
 use fleetyard_plugin_spacetime::distance::{Costs, Table, Tables};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
@@ -26,6 +28,9 @@ use crate::lifelong::{Place, Ranking};
 
 /// Units of cost in a step.
 const STEP: u32 = 4;
+/// Steps that a cell costs more where always somebody waits. Much more, and robots take long ways
+/// round; much less, and they queue.
+const WAIT: u32 = 5;
 /// A turn costs no more steps than this: robots that hardly turn are to arrive as well.
 const MOST_TURN: f64 = 50.0;
 
@@ -99,8 +104,23 @@ pub struct Streets {
     graph: Arc<Graph>,
     lanes: Lanes,
     step_s: f64,
-    /// By goal, and by what a turn costs.
-    tables: Tables<(Vertex, u32)>,
+    tables: Tables<Key>,
+}
+
+/// All that decides about a table: the goal, the cost of a turn, the number of the averages.
+type Key = (Vertex, u32, u64);
+
+/// The input of [`Streets::ranking`].
+#[derive(Debug, Clone, Copy)]
+pub struct Journeys<'a> {
+    /// The cell where each agent is.
+    pub starts: &'a [u32],
+    /// The goal cells of each agent.
+    pub goals: &'a Goals,
+    /// The time that turns take.
+    pub turning: Turning,
+    /// Averages of where agents wait, if they are known.
+    pub traffic: Option<&'a Traffic>,
 }
 
 impl Streets {
@@ -115,54 +135,99 @@ impl Streets {
         }
     }
 
-    /// Makes ready for a fleet with these goals. Agents whose tables did not fit, or were not made
-    /// before time was up, follow PIBT's own order; the tables of those nearest to their goals are
-    /// made first, and all that were made are kept. `None` when tables of one goal each would take
-    /// more than half of the bytes, so that none would stay to the next goals.
+    /// Makes ready for a fleet. Agents whose tables did not fit, or were not made before time was
+    /// up, follow PIBT's own order; the tables of those nearest to their goals are made first, and
+    /// all that were made are kept. `None` when tables of one goal each would take more than half of
+    /// the bytes, so that none would stay to the next goals.
     pub fn ranking<'a>(
         &'a mut self,
-        starts: &'a [u32],
-        goals: &'a Goals,
-        turning: Turning,
+        journeys: Journeys<'a>,
         stop: &mut dyn FnMut() -> bool,
     ) -> Option<ByStreet<'a>> {
+        let Journeys {
+            starts,
+            goals,
+            turning,
+            traffic,
+        } = journeys;
         let turn = turning.units(self.step_s);
         let bytes = Table::bytes(&self.graph, turn > 0).saturating_mul(goals.len() as u64);
         if bytes > self.tables.limit() / 2 {
             return None;
         }
         self.tables.begin();
+        let waits = |snapshot: &Snapshot| self.waits(&snapshot.waiting);
         let mut ranking = ByStreet {
-            streets: self,
+            waits: traffic.map(|traffic| [waits(&traffic.last), waits(&traffic.before)]),
+            traffic,
             turn,
             goals,
-            ways: vec![(0, None); goals.len()],
+            ways: vec![Way::default(); goals.len()],
+            streets: self,
         };
         let mut missing = Vec::new();
         for (agent, &start) in starts.iter().enumerate().take(goals.len()) {
-            let Some((start, goal)) = ranking.ends(agent, start) else {
+            let Some(goal) = ranking.goal(agent, 0) else {
                 continue;
             };
-            match ranking.streets.tables.kept((goal, turn)) {
-                Some(table) => ranking.ways[agent].1 = Some(table),
-                None => missing.push((ranking.streets.graph.manhattan(start, goal), agent)),
+            let Streets { graph, tables, .. } = &mut *ranking.streets;
+            let averages = averages(traffic, graph.cell(goal));
+            match tables.kept((goal, turn, averages.map_or(0, |(number, _)| number))) {
+                Some(table) => ranking.ways[agent].table = Some(table),
+                None => {
+                    let far = graph.vertex(start).map(|start| graph.manhattan(start, goal));
+                    missing.push((far, agent));
+                }
             }
+            ranking.ways[agent].before = averages.is_some_and(|(_, before)| before);
         }
         missing.sort_unstable();
         for (_, agent) in missing {
             if stop() {
                 break;
             }
-            ranking.ways[agent].1 = ranking.way(agent, 0);
+            ranking.ways[agent] = ranking.way(agent, 0);
         }
         Some(ranking)
     }
+
+    /// Units of cost by vertex for bytes by cell.
+    fn waits(&self, waiting: &[u8]) -> Box<[u8]> {
+        let units = |v| {
+            let share = waiting.get(self.graph.cell(v) as usize);
+            share.map_or(0, |share| {
+                (u32::from(*share) * WAIT * STEP / u32::from(u8::MAX)) as u8
+            })
+        };
+        (0..self.graph.len() as Vertex).map(units).collect()
+    }
+}
+
+/// The number of the averages for a goal, and whether they are those before the last.
+fn averages(traffic: Option<&Traffic>, goal: u32) -> Option<(u64, bool)> {
+    let traffic = traffic?;
+    let snapshot = traffic.snapshot_of(goal.into());
+    let before = snapshot.number != traffic.last.number;
+    // 0 stands for none.
+    Some((snapshot.number + 1, before))
 }
 
 /// Costs along the streets.
 struct Tolls<'a> {
+    graph: &'a Graph,
     lanes: &'a Lanes,
     turn: u32,
+    /// Per vertex; empty where nobody is known to wait.
+    waits: &'a [u8],
+}
+
+impl Tolls<'_> {
+    /// The cost of a move from `v` in direction `d` to `u`, with the charge of its lane.
+    #[inline]
+    fn of(&self, v: Vertex, d: usize, u: Vertex) -> u32 {
+        let wait = self.waits.get(u as usize).copied().unwrap_or(0);
+        STEP * (1 + self.lanes.charge(v, d)) + u32::from(wait)
+    }
 }
 
 impl Costs for Tolls<'_> {
@@ -172,12 +237,12 @@ impl Costs for Tolls<'_> {
 
     #[inline]
     fn step(&self, v: Vertex, d: usize) -> Option<u32> {
-        let charge = self.lanes.charge(v, d);
-        (!self.lanes.is_barred(v, d)).then_some(STEP * (1 + charge))
+        let free = !self.lanes.is_barred(v, d);
+        free.then(|| self.of(v, d, self.graph.around(v)[d]))
     }
 
     fn most(&self) -> u32 {
-        STEP * (1 + self.lanes.most())
+        STEP * (1 + self.lanes.most() + WAIT)
     }
 }
 
@@ -187,38 +252,69 @@ pub struct ByStreet<'a> {
     streets: &'a mut Streets,
     /// Cost of a turn by 90°.
     turn: u32,
+    traffic: Option<&'a Traffic>,
+    /// Units of cost by vertex of the last averages and of those before.
+    waits: Option<[Box<[u8]>; 2]>,
     goals: &'a Goals,
-    /// The table of the goal that each agent is after, by how many it has visited before.
-    ways: Vec<(usize, Option<Arc<Table>>)>,
+    ways: Vec<Way>,
+}
+
+/// The way of an agent.
+#[derive(Debug, Clone, Default)]
+struct Way {
+    /// Goals that it has visited before.
+    visited: usize,
+    /// The table of the goal that it is after.
+    table: Option<Arc<Table>>,
+    /// True if the table has the averages before the last.
+    before: bool,
 }
 
 impl ByStreet<'_> {
-    fn ends(&self, agent: usize, start: u32) -> Option<(Vertex, Vertex)> {
-        let graph = &self.streets.graph;
-        let goal = *self.goals.get(agent)?.first()?;
-        Some((graph.vertex(start)?, graph.vertex(goal)?))
+    fn goal(&self, agent: usize, visited: usize) -> Option<Vertex> {
+        let goal = self.goals.get(agent)?.get(visited)?;
+        self.streets.graph.vertex(*goal)
     }
 
-    fn way(&mut self, agent: usize, visited: usize) -> Option<Arc<Table>> {
-        let turn = self.turn;
+    fn way(&mut self, agent: usize, visited: usize) -> Way {
+        let mut way = Way {
+            visited,
+            ..Way::default()
+        };
+        let Some(goal) = self.goal(agent, visited) else {
+            return way;
+        };
+        let averages = averages(self.traffic, self.streets.graph.cell(goal));
+        way.before = averages.is_some_and(|(_, before)| before);
+        let key = (goal, self.turn, averages.map_or(0, |(number, _)| number));
         let Streets {
             graph,
             lanes,
             tables,
             ..
         } = &mut *self.streets;
-        let goal = graph.vertex(*self.goals.get(agent)?.get(visited)?)?;
-        tables.get((goal, turn), graph, goal, &Tolls { lanes, turn })
+        let tolls = Tolls {
+            graph,
+            lanes,
+            turn: self.turn,
+            waits: waits(self.waits.as_ref(), way.before),
+        };
+        way.table = tables.get(key, graph, goal, &tolls);
+        way
     }
 
     /// Sees to the table of the next goal of the agent of a [`Place`].
     #[inline]
     fn follow(&mut self, place: Place) {
-        if self.ways[place.agent].0 != place.visited {
-            let way = self.way(place.agent, place.visited);
-            self.ways[place.agent] = (place.visited, way);
+        if self.ways[place.agent].visited != place.visited {
+            self.ways[place.agent] = self.way(place.agent, place.visited);
         }
     }
+}
+
+/// Waits of the last averages, or of those before.
+fn waits(waits: Option<&[Box<[u8]>; 2]>, before: bool) -> &[u8] {
+    waits.map_or(&[], |waits| &waits[usize::from(before)])
 }
 
 /// The cost of the way from a vertex, for an agent that looks this way or any way.
@@ -235,9 +331,15 @@ impl Ranking for ByStreet<'_> {
     fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize {
         self.follow(place);
         let Streets { graph, lanes, .. } = &*self.streets;
-        let table = self.ways[place.agent].1.as_deref();
-        let Some((table, here)) = table.zip(graph.vertex(place.cell)) else {
+        let way = &self.ways[place.agent];
+        let Some((table, here)) = way.table.as_deref().zip(graph.vertex(place.cell)) else {
             return 0;
+        };
+        let tolls = Tolls {
+            graph,
+            lanes,
+            turn: self.turn,
+            waits: waits(self.waits.as_ref(), way.before),
         };
         let around = graph.around(here);
         let mut barred = 0;
@@ -256,8 +358,7 @@ impl Ranking for ByStreet<'_> {
                         let apart = (d as u32).abs_diff(heading.into());
                         apart.min(DIRECTIONS as u32 - apart)
                     });
-                    let toll = STEP * (1 + lanes.charge(here, d));
-                    self.turn * quarters + toll + table.get(v, d as u8)
+                    self.turn * quarters + tolls.of(here, d, v) + table.get(v, d as u8)
                 }
             };
             *key = (cost, cell);
@@ -272,7 +373,7 @@ impl Ranking for ByStreet<'_> {
     #[inline]
     fn urgency(&mut self, place: Place, distance: u32) -> u32 {
         self.follow(place);
-        let table = self.ways[place.agent].1.as_deref();
+        let table = self.ways[place.agent].table.as_deref();
         let here = self.streets.graph.vertex(place.cell);
         match table.zip(here) {
             Some((table, here)) => far(table, here, place.heading),

@@ -24,6 +24,8 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     const ABOUT: &'static str;
     /// Capabilities besides [`Capability::Grid`] and [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
+    /// Identifiers of the parts of instances that the method reads.
+    const PARTS: &'static [&'static str] = &[];
     /// The map as the method knows it, kept between calls.
     type Map: Send;
 
@@ -52,7 +54,11 @@ impl<M: Method> Plugin for Team<M> {
     fn descriptor() -> Descriptor {
         let common = &[Capability::Grid, Capability::Deterministic];
         let names = (M::ID, M::NAME);
-        described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
+        let features = M::PARTS.iter().map(|id| format!("part:{id}"));
+        Descriptor {
+            features: features.collect(),
+            ..described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
+        }
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {

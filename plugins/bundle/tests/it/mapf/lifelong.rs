@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
 use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
-use fleetyard_plugin_mapf::streets::{Streets, Turning};
+use fleetyard_plugin_mapf::streets::{Journeys, Streets, Turning};
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
@@ -31,6 +31,15 @@ fn lifelong(map: &GridEnvironment) -> Lifelong {
     let passable: Vec<bool> = map.passable.iter().map(|free| *free != 0).collect();
     let graph = Graph::new(map.rows as usize, map.cols as usize, &passable);
     Lifelong::new(Arc::new(graph), 1 << 20)
+}
+
+fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
+    Journeys {
+        starts,
+        goals,
+        turning: Turning::default(),
+        traffic: None,
+    }
 }
 
 /// Starts, moves, collisions, and rings if not allowed; nobody has to arrive.
@@ -117,7 +126,7 @@ fn drive(
         };
         let (plan, end) = if charge > 0 {
             let mut by_street = streets
-                .ranking(&cells, &goals, Turning::default(), &mut || false)
+                .ranking(journeys(&cells, &goals), &mut || false)
                 .unwrap();
             let run = planner.run(&query, &mut by_street, &mut || false);
             run.unwrap()
@@ -387,7 +396,7 @@ fn a_lane_is_worth_a_way_round() {
     let mut streets = Streets::new(planner.graph(), 2, 1.0, 1 << 24);
     // Without time for tables everybody goes by distance.
     for (stopped, length) in [(true, 5), (false, 7)] {
-        let ranking = streets.ranking(&starts, &goals, Turning::default(), &mut || stopped);
+        let ranking = streets.ranking(journeys(&starts, &goals), &mut || stopped);
         let mut by_street = ranking.unwrap();
         let run = planner.run(&query, &mut by_street, &mut || false);
         assert_eq!(way(&run.unwrap().0), Some(length));
@@ -396,7 +405,7 @@ fn a_lane_is_worth_a_way_round() {
     let large = open(1000);
     let mut streets = Streets::new(lifelong(&large).graph(), 2, 1.0, 1 << 24);
     let many = self::grid::goals(&vec![vec![0]; 5]);
-    let ranking = streets.ranking(&[0; 5], &many, Turning::default(), &mut || false);
+    let ranking = streets.ranking(journeys(&[0; 5], &many), &mut || false);
     assert!(ranking.is_none());
 }
 
