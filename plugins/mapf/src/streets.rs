@@ -16,14 +16,17 @@
 //! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
 //! than turn, and nobody would push.
 
+pub mod ways;
+
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Instance, Limit, Robot, Snapshot, Traffic};
-use fleetyard_plugin_spacetime::distance::{Costs, Table, Tables};
+use fleetyard_abi::{Goals, Instance, Limit, Robot, Traffic};
+use fleetyard_plugin_spacetime::distance::Tables;
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
+use self::ways::{Moves, Room, Tolls, Ways, quarters};
 use crate::lifelong::{Place, Ranking};
 
 /// Units of cost in a step.
@@ -51,8 +54,15 @@ impl Turning {
             return Self::default();
         }
         let models: Vec<f64> = instance.robots.iter().map(quarter_s).collect();
-        let model = |agent: usize| instance.robot_of.get(agent).map_or(0, |model| *model as usize);
-        let sum_s: f64 = (0..agents).filter_map(|agent| models.get(model(agent))).sum();
+        let model = |agent: usize| {
+            instance
+                .robot_of
+                .get(agent)
+                .map_or(0, |model| *model as usize)
+        };
+        let sum_s: f64 = (0..agents)
+            .filter_map(|agent| models.get(model(agent)))
+            .sum();
         Self {
             quarter_s: sum_s / agents as f64,
         }
@@ -79,14 +89,24 @@ fn quarter_s(robot: &Robot) -> f64 {
     };
     let (speed, turn, rates) = if name == "unicycle-2" {
         let state = &robot.state_limits;
-        (most(state, 3, 1), most(state, 4, 1), Some(&robot.control_limits))
+        (
+            most(state, 3, 1),
+            most(state, 4, 1),
+            Some(&robot.control_limits),
+        )
     } else {
         let control = &robot.control_limits;
         (most(control, 0, 1), most(control, 1, 1), None)
     };
     let rate = |at, end| rates.map_or(f64::INFINITY, |rates| most(rates, at, end));
     // Uniform braking takes speed / rate and half the way that speed makes of that time.
-    let lost_s = |rate: f64| if speed.is_finite() { speed / (2.0 * rate) } else { 0.0 };
+    let lost_s = |rate: f64| {
+        if speed.is_finite() {
+            speed / (2.0 * rate)
+        } else {
+            0.0
+        }
+    };
     let to_speed_s = turn / rate(1, 1);
     let turn_s = if to_speed_s.is_nan() || to_speed_s == 0.0 {
         FRAC_PI_2 / turn
@@ -103,8 +123,11 @@ fn quarter_s(robot: &Robot) -> f64 {
 pub struct Streets {
     graph: Arc<Graph>,
     lanes: Lanes,
+    /// All but those that are barred.
+    moves: Moves,
     step_s: f64,
-    tables: Tables<Key>,
+    tables: Tables<Key, Ways>,
+    room: Room,
 }
 
 /// All that decides about a table: the goal, the cost of a turn, the number of the averages.
@@ -127,11 +150,14 @@ impl Streets {
     /// Moves against a lane are charged so many steps of so many seconds. Tables may take so many
     /// bytes.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
+        let lanes = Lanes::new(graph, charge);
         Self {
             graph: Arc::clone(graph),
-            lanes: Lanes::new(graph, charge),
+            moves: Moves::new(graph, |v, d| !lanes.is_barred(v, d)),
+            lanes,
             step_s,
             tables: Tables::new(bytes),
+            room: Room::default(),
         }
     }
 
@@ -150,99 +176,61 @@ impl Streets {
             turning,
             traffic,
         } = journeys;
-        let turn = turning.units(self.step_s);
-        let bytes = Table::bytes(&self.graph, turn > 0).saturating_mul(goals.len() as u64);
+        let bytes = Ways::bytes(&self.moves).saturating_mul(goals.len() as u64);
         if bytes > self.tables.limit() / 2 {
             return None;
         }
         self.tables.begin();
-        let waits = |snapshot: &Snapshot| self.waits(&snapshot.waiting);
+        let tolls = match traffic {
+            Some(traffic) => vec![
+                self.tolls(&traffic.last.waiting),
+                self.tolls(&traffic.before.waiting),
+            ],
+            None => vec![self.tolls(&[])],
+        };
         let mut ranking = ByStreet {
-            waits: traffic.map(|traffic| [waits(&traffic.last), waits(&traffic.before)]),
+            tolls,
             traffic,
-            turn,
+            turn: turning.units(self.step_s),
             goals,
-            ways: vec![Way::default(); goals.len()],
+            journeys: vec![Journey::default(); goals.len()],
             streets: self,
         };
         let mut missing = Vec::new();
         for (agent, &start) in starts.iter().enumerate().take(goals.len()) {
-            let Some(goal) = ranking.goal(agent, 0) else {
+            let Some((goal, key, _)) = ranking.key(agent, 0) else {
                 continue;
             };
             let Streets { graph, tables, .. } = &mut *ranking.streets;
-            let averages = averages(traffic, graph.cell(goal));
-            match tables.kept((goal, turn, averages.map_or(0, |(number, _)| number))) {
-                Some(table) => ranking.ways[agent].table = Some(table),
-                None => {
-                    let far = graph.vertex(start).map(|start| graph.manhattan(start, goal));
-                    missing.push((far, agent));
-                }
+            if tables.kept(key).is_some() {
+                ranking.journeys[agent] = ranking.journey(agent, 0);
+            } else {
+                let far = graph
+                    .vertex(start)
+                    .map(|start| graph.manhattan(start, goal));
+                missing.push((far, agent));
             }
-            ranking.ways[agent].before = averages.is_some_and(|(_, before)| before);
         }
         missing.sort_unstable();
         for (_, agent) in missing {
             if stop() {
                 break;
             }
-            ranking.ways[agent] = ranking.way(agent, 0);
+            ranking.journeys[agent] = ranking.journey(agent, 0);
         }
         Some(ranking)
     }
 
-    /// Units of cost by vertex for bytes by cell.
-    fn waits(&self, waiting: &[u8]) -> Box<[u8]> {
-        let units = |v| {
-            let share = waiting.get(self.graph.cell(v) as usize);
-            share.map_or(0, |share| {
-                (u32::from(*share) * WAIT * STEP / u32::from(u8::MAX)) as u8
-            })
-        };
-        (0..self.graph.len() as Vertex).map(units).collect()
-    }
-}
-
-/// The number of the averages for a goal, and whether they are those before the last.
-fn averages(traffic: Option<&Traffic>, goal: u32) -> Option<(u64, bool)> {
-    let traffic = traffic?;
-    let snapshot = traffic.snapshot_of(goal.into());
-    let before = snapshot.number != traffic.last.number;
-    // 0 stands for none.
-    Some((snapshot.number + 1, before))
-}
-
-/// Costs along the streets.
-struct Tolls<'a> {
-    graph: &'a Graph,
-    lanes: &'a Lanes,
-    turn: u32,
-    /// Per vertex; empty where nobody is known to wait.
-    waits: &'a [u8],
-}
-
-impl Tolls<'_> {
-    /// The cost of a move from `v` in direction `d` to `u`, with the charge of its lane.
-    #[inline]
-    fn of(&self, v: Vertex, d: usize, u: Vertex) -> u32 {
-        let wait = self.waits.get(u as usize).copied().unwrap_or(0);
-        STEP * (1 + self.lanes.charge(v, d)) + u32::from(wait)
-    }
-}
-
-impl Costs for Tolls<'_> {
-    fn turn(&self) -> Option<u32> {
-        (self.turn > 0).then_some(self.turn)
-    }
-
-    #[inline]
-    fn step(&self, v: Vertex, d: usize) -> Option<u32> {
-        let free = !self.lanes.is_barred(v, d);
-        free.then(|| self.of(v, d, self.graph.around(v)[d]))
-    }
-
-    fn most(&self) -> u32 {
-        STEP * (1 + self.lanes.most() + WAIT)
+    /// Costs of moves where agents wait so much, by cell, in units of 1/255.
+    fn tolls(&self, waiting: &[u8]) -> Tolls {
+        self.moves.tolls(|v, d| {
+            let to = self.graph.around(v)[d];
+            let share = waiting.get(self.graph.cell(to) as usize);
+            let wait = share.map_or(0, |share| {
+                u32::from(*share) * WAIT * STEP / u32::from(u8::MAX)
+            });
+            STEP * (1 + self.lanes.charge(v, d)) + wait
+        })
     }
 }
 
@@ -253,76 +241,66 @@ pub struct ByStreet<'a> {
     /// Cost of a turn by 90°.
     turn: u32,
     traffic: Option<&'a Traffic>,
-    /// Units of cost by vertex of the last averages and of those before.
-    waits: Option<[Box<[u8]>; 2]>,
+    /// Costs of moves by the last averages, and by those before.
+    tolls: Vec<Tolls>,
     goals: &'a Goals,
-    ways: Vec<Way>,
+    journeys: Vec<Journey>,
 }
 
-/// The way of an agent.
+/// An agent on its way to a goal.
 #[derive(Debug, Clone, Default)]
-struct Way {
+struct Journey {
     /// Goals that it has visited before.
     visited: usize,
-    /// The table of the goal that it is after.
-    table: Option<Arc<Table>>,
-    /// True if the table has the averages before the last.
-    before: bool,
+    /// The ways to the goal.
+    ways: Option<Arc<Ways>>,
+    /// The [`ByStreet::tolls`] that they are made of.
+    tolls: usize,
 }
 
 impl ByStreet<'_> {
-    fn goal(&self, agent: usize, visited: usize) -> Option<Vertex> {
-        let goal = self.goals.get(agent)?.get(visited)?;
-        self.streets.graph.vertex(*goal)
+    /// An agent's goal, the key of its ways, and the tolls that they are made of.
+    fn key(&self, agent: usize, visited: usize) -> Option<(Vertex, Key, usize)> {
+        let cell = *self.goals.get(agent)?.get(visited)?;
+        let goal = self.streets.graph.vertex(cell)?;
+        let Some(traffic) = self.traffic else {
+            return Some((goal, (goal, self.turn, 0), 0));
+        };
+        let number = traffic.snapshot_of(cell.into()).number;
+        let tolls = usize::from(number != traffic.last.number);
+        // 0 stands for no averages.
+        Some((goal, (goal, self.turn, number.saturating_add(1)), tolls))
     }
 
-    fn way(&mut self, agent: usize, visited: usize) -> Way {
-        let mut way = Way {
-            visited,
-            ..Way::default()
+    fn journey(&mut self, agent: usize, visited: usize) -> Journey {
+        let Some((goal, key, at)) = self.key(agent, visited) else {
+            return Journey {
+                visited,
+                ..Journey::default()
+            };
         };
-        let Some(goal) = self.goal(agent, visited) else {
-            return way;
-        };
-        let averages = averages(self.traffic, self.streets.graph.cell(goal));
-        way.before = averages.is_some_and(|(_, before)| before);
-        let key = (goal, self.turn, averages.map_or(0, |(number, _)| number));
         let Streets {
             graph,
-            lanes,
+            moves,
             tables,
+            room,
             ..
         } = &mut *self.streets;
-        let tolls = Tolls {
-            graph,
-            lanes,
-            turn: self.turn,
-            waits: waits(self.waits.as_ref(), way.before),
-        };
-        way.table = tables.get(key, graph, goal, &tolls);
-        way
-    }
-
-    /// Sees to the table of the next goal of the agent of a [`Place`].
-    #[inline]
-    fn follow(&mut self, place: Place) {
-        if self.ways[place.agent].visited != place.visited {
-            self.ways[place.agent] = self.way(place.agent, place.visited);
+        let tolls = &self.tolls[at];
+        let make = || Ways::new(graph, moves, goal, tolls, self.turn, room);
+        Journey {
+            visited,
+            ways: tables.get(key, Ways::bytes(moves), make),
+            tolls: at,
         }
     }
-}
 
-/// Waits of the last averages, or of those before.
-fn waits(waits: Option<&[Box<[u8]>; 2]>, before: bool) -> &[u8] {
-    waits.map_or(&[], |waits| &waits[usize::from(before)])
-}
-
-/// The cost of the way from a vertex, for an agent that looks this way or any way.
-#[inline]
-fn far(table: &Table, v: Vertex, heading: Option<u8>) -> u32 {
-    match heading {
-        Some(heading) => table.get(v, heading),
-        None => table.least(v),
+    /// Sees to the ways to the next goal of the agent of a [`Place`].
+    #[inline]
+    fn follow(&mut self, place: Place) {
+        if self.journeys[place.agent].visited != place.visited {
+            self.journeys[place.agent] = self.journey(place.agent, place.visited);
+        }
     }
 }
 
@@ -330,17 +308,12 @@ impl Ranking for ByStreet<'_> {
     #[inline]
     fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize {
         self.follow(place);
-        let Streets { graph, lanes, .. } = &*self.streets;
-        let way = &self.ways[place.agent];
-        let Some((table, here)) = way.table.as_deref().zip(graph.vertex(place.cell)) else {
+        let Streets { graph, moves, .. } = &*self.streets;
+        let journey = &self.journeys[place.agent];
+        let Some((ways, here)) = journey.ways.as_deref().zip(graph.vertex(place.cell)) else {
             return 0;
         };
-        let tolls = Tolls {
-            graph,
-            lanes,
-            turn: self.turn,
-            waits: waits(self.waits.as_ref(), way.before),
-        };
+        let tolls = &self.tolls[journey.tolls];
         let around = graph.around(here);
         let mut barred = 0;
         let mut keys = [(0, 0); DIRECTIONS + 1];
@@ -348,18 +321,17 @@ impl Ranking for ByStreet<'_> {
         for (key, &cell) in keys.iter_mut().zip(&*cells) {
             let v = graph.vertex(cell).unwrap_or(here);
             let cost = match around.iter().position(|u| *u == v) {
-                None => STEP + far(table, here, place.heading),
-                Some(d) if lanes.is_barred(here, d) => {
-                    barred += 1;
-                    u32::MAX
-                }
-                Some(d) => {
-                    let quarters = place.heading.map_or(0, |heading| {
-                        let apart = (d as u32).abs_diff(heading.into());
-                        apart.min(DIRECTIONS as u32 - apart)
-                    });
-                    self.turn * quarters + tolls.of(here, d, v) + table.get(v, d as u8)
-                }
+                None => STEP + ways.from(moves, here, place.heading, tolls, self.turn),
+                Some(d) => match moves.away(here, d) {
+                    Some(number) => {
+                        let turns = place.heading.map_or(0, |heading| quarters(heading, d));
+                        self.turn * turns + tolls.of(number) + ways.after(number)
+                    }
+                    None => {
+                        barred += 1;
+                        u32::MAX
+                    }
+                },
             };
             *key = (cost, cell);
         }
@@ -373,10 +345,13 @@ impl Ranking for ByStreet<'_> {
     #[inline]
     fn urgency(&mut self, place: Place, distance: u32) -> u32 {
         self.follow(place);
-        let table = self.ways[place.agent].table.as_deref();
+        let journey = &self.journeys[place.agent];
         let here = self.streets.graph.vertex(place.cell);
-        match table.zip(here) {
-            Some((table, here)) => far(table, here, place.heading),
+        match journey.ways.as_deref().zip(here) {
+            Some((ways, here)) => {
+                let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls]);
+                ways.from(moves, here, place.heading, tolls, self.turn)
+            }
             None => distance.saturating_mul(STEP),
         }
     }

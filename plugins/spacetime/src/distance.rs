@@ -191,78 +191,41 @@ impl Guidance for Towards<'_, '_> {
 /// Entry of a [`Table`] from where the goal cannot be reached.
 const UNREACHABLE: u16 = u16::MAX;
 
-/// Costs of moves and turns, in whole units.
-pub trait Costs {
-    /// The cost of a turn by 90°, at least 1, for robots that turn; `None` for pebbles, whose
-    /// heading is of no account.
-    fn turn(&self) -> Option<u32>;
-    /// The cost of the move from `v` in direction `d`, at least 1; `None` where nobody may.
-    fn step(&self, v: Vertex, d: usize) -> Option<u32>;
-    /// No move costs more.
-    fn most(&self) -> u32;
-}
-
-/// Costs in steps: a move takes one and what lanes charge, a turn one.
-#[derive(Debug, Clone, Copy)]
-pub struct Steps<'a> {
-    /// True for robots that turn.
-    pub turning: bool,
-    /// Lanes along which moves had better go.
-    pub lanes: Option<&'a Lanes>,
-}
-
-impl Costs for Steps<'_> {
-    fn turn(&self) -> Option<u32> {
-        self.turning.then_some(1)
-    }
-
-    #[inline]
-    fn step(&self, v: Vertex, d: usize) -> Option<u32> {
-        Some(1 + self.lanes.map_or(0, |lanes| lanes.charge(v, d)))
-    }
-
-    fn most(&self) -> u32 {
-        1 + self.lanes.map_or(0, Lanes::most)
-    }
-}
-
-/// Distances from everywhere to one goal, in the unit of their [`Costs`].
+/// Distances in steps from everywhere to one goal, with what lanes charge on the way.
 ///
 /// 2 bytes per vertex; 8 for robots that turn, whose way depends on where they look.
 #[derive(Debug)]
 pub struct Table {
-    costs: Box<[u16]>,
+    steps: Box<[u16]>,
     /// Headings told apart: `1 << shift`.
     shift: u32,
 }
 
 impl Table {
-    /// The table of a goal, at which any heading will do.
-    pub fn new(graph: &Graph, goal: Vertex, costs: &impl Costs) -> Self {
-        let turn = costs.turn();
-        let shift = if turn.is_some() { 2 } else { 0 };
-        let mut least = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
+    /// The table of a goal, for robots that turn or for pebbles.
+    pub fn new(graph: &Graph, goal: Vertex, turning: bool, lanes: Option<&Lanes>) -> Self {
+        let shift = if turning { 2 } else { 0 };
+        let mut steps = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
         let headings = 1 << shift;
+        let charge = |v, d| lanes.map_or(0, |lanes| lanes.charge(v, d));
         // Those at each of the next distances, round and round (R. B. Dial, "Algorithm 360:
         // shortest-path forest with topological ordering", CACM 1969).
-        let most = costs.most().max(turn.unwrap_or(0)) as usize;
-        let mut levels = vec![Vec::new(); most + 1];
+        let most = lanes.map_or(0, Lanes::most) as usize;
+        let mut levels = vec![Vec::new(); most + 2];
         let count = levels.len();
         levels[0].extend((0..headings).map(|heading| (goal << shift) + heading));
         for &state in &levels[0] {
-            least[state as usize] = 0;
+            steps[state as usize] = 0;
         }
         let mut waiting = levels[0].len();
         let mut distance = 0;
         while waiting > 0 {
             let mut level = std::mem::take(&mut levels[distance as usize % count]);
             waiting -= level.len();
-            // A state that was found again nearer has gone on from there.
-            level.retain(|state| u32::from(least[*state as usize]) == distance);
             // What is further than the largest distance is left unreachable.
-            let mut reach = |state: u32, cost: u32| {
-                let entry = &mut least[state as usize];
-                let there = distance + cost;
+            let mut reach = |state: u32, charge: u32| {
+                let entry = &mut steps[state as usize];
+                let there = distance + 1 + charge;
                 if there < u32::from(*entry) && there <= MAX_DISTANCE {
                     *entry = there as u16;
                     levels[there as usize % count].push(state);
@@ -270,23 +233,20 @@ impl Table {
                 }
             };
             for &state in &level {
-                let (v, heading) = (state >> shift, (state & (headings - 1)) as usize);
-                if let Some(turn) = turn {
+                let (v, heading) = (state >> shift, state & (headings - 1));
+                if turning {
                     // Whoever looks this way here has come from behind, or has turned.
-                    let behind = graph.around(v)[(heading + 2) % DIRECTIONS];
-                    if behind != graph.wall()
-                        && let Some(cost) = costs.step(behind, heading)
-                    {
-                        reach((behind << shift) + heading as u32, cost);
+                    let behind = graph.around(v)[(heading as usize + 2) % DIRECTIONS];
+                    if behind != graph.wall() {
+                        let charge = charge(behind, heading as usize);
+                        reach((behind << shift) + heading, charge);
                     }
-                    reach((v << shift) + (heading as u32 + 1) % 4, turn);
-                    reach((v << shift) + (heading as u32 + 3) % 4, turn);
+                    reach((v << shift) + (heading + 1) % 4, 0);
+                    reach((v << shift) + (heading + 3) % 4, 0);
                 } else {
                     for (back, &u) in graph.around(v).iter().enumerate() {
-                        if u != graph.wall()
-                            && let Some(cost) = costs.step(u, (back + 2) % DIRECTIONS)
-                        {
-                            reach(u, cost);
+                        if u != graph.wall() {
+                            reach(u, charge(u, (back + 2) % DIRECTIONS));
                         }
                     }
                 }
@@ -295,10 +255,7 @@ impl Table {
             levels[distance as usize % count] = level;
             distance += 1;
         }
-        Self {
-            costs: least,
-            shift,
-        }
+        Self { steps, shift }
     }
 
     /// Bytes of a table.
@@ -312,7 +269,7 @@ impl Table {
     #[inline]
     pub fn get(&self, v: Vertex, heading: u8) -> u32 {
         let mask = (1 << self.shift) - 1;
-        u32::from(self.costs[((v << self.shift) | (u32::from(heading) & mask)) as usize])
+        u32::from(self.steps[((v << self.shift) | (u32::from(heading) & mask)) as usize])
     }
 
     /// The distance from `v` for a robot that may choose where it looks at first.
@@ -328,22 +285,22 @@ impl Table {
 /// In a fleet that works without end most goals stay from one call to the next, and the
 /// same places come again.
 #[derive(Debug)]
-pub struct Tables<K> {
+pub struct Tables<K, T> {
     limit: u64,
     bytes: u64,
     call: u64,
-    kept: BTreeMap<K, Kept>,
+    kept: BTreeMap<K, Kept<T>>,
 }
 
 #[derive(Debug)]
-struct Kept {
-    table: Arc<Table>,
+struct Kept<T> {
+    table: Arc<T>,
     bytes: u64,
     /// The last call that asked for it.
     call: u64,
 }
 
-impl<K: Copy + Ord> Tables<K> {
+impl<K: Copy + Ord, T> Tables<K, T> {
     /// None yet; those kept between calls may take `limit` bytes.
     pub fn new(limit: u64) -> Self {
         Self {
@@ -370,25 +327,18 @@ impl<K: Copy + Ord> Tables<K> {
     }
 
     /// The table of a key, if it is kept.
-    pub fn kept(&mut self, key: K) -> Option<Arc<Table>> {
+    pub fn kept(&mut self, key: K) -> Option<Arc<T>> {
         let kept = self.kept.get_mut(&key)?;
         kept.call = self.call;
         Some(Arc::clone(&kept.table))
     }
 
-    /// The table of a key: that of a goal by these costs. What was not asked for since
+    /// The table of a key, which takes so many bytes. What was not asked for since
     /// [`Tables::begin`] makes room; `None` when what was asked for exceeds the limit.
-    pub fn get(
-        &mut self,
-        key: K,
-        graph: &Graph,
-        goal: Vertex,
-        costs: &impl Costs,
-    ) -> Option<Arc<Table>> {
+    pub fn get(&mut self, key: K, bytes: u64, make: impl FnOnce() -> T) -> Option<Arc<T>> {
         if let Some(table) = self.kept(key) {
             return Some(table);
         }
-        let bytes = Table::bytes(graph, costs.turn().is_some());
         if self.bytes + bytes > self.limit {
             self.make_room(bytes);
             if self.bytes + bytes > self.limit {
@@ -396,7 +346,7 @@ impl<K: Copy + Ord> Tables<K> {
             }
         }
         self.bytes += bytes;
-        let table = Arc::new(Table::new(graph, goal, costs));
+        let table = Arc::new(make());
         let kept = Kept {
             table: Arc::clone(&table),
             bytes,

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::distance::{MAX_DISTANCE, Steps, Table, Tables};
+use crate::distance::{MAX_DISTANCE, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
 use crate::lanes::Lanes;
 use crate::plan::plan_of;
@@ -179,8 +179,8 @@ pub fn vertices_of(
 #[derive(Debug)]
 pub struct Ground {
     graph: Arc<Graph>,
-    /// By goal, and by what [`Steps`] count.
-    tables: Tables<(Vertex, bool, bool)>,
+    /// By goal, way of moving, and whether lanes count.
+    tables: Tables<(Vertex, bool, bool), Table>,
     lanes: Option<Arc<Lanes>>,
 }
 
@@ -256,12 +256,10 @@ impl Ground {
                     goals: wanted,
                     limit: self.tables.limit(),
                 };
-                let steps = Steps {
-                    turning,
-                    lanes: lanes.as_deref(),
-                };
                 let key = (goal, turning, lanes.is_some());
-                let table = self.tables.get(key, &graph, goal, &steps);
+                let bytes = Table::bytes(&graph, turning);
+                let make = || Table::new(&graph, goal, turning, lanes.as_deref());
+                let table = self.tables.get(key, bytes, make);
                 let table = table.ok_or(memory)?;
                 route.goals.push(goal);
                 route.tables.push(table);

@@ -3,3 +3,4 @@
 mod lifelong;
 mod planners;
 mod support;
+mod ways;

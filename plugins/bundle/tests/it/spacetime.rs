@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use fleetyard_abi::{GridEnvironment, Heading, Instance, Motion, Status};
-use fleetyard_plugin_spacetime::distance::{Steps, Table, Tables};
+use fleetyard_plugin_spacetime::distance::{Table, Tables};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem, ProblemError};
@@ -395,8 +395,7 @@ proptest! {
         prop_assume!(!graph.is_empty());
         let goal = random.below(graph.len()) as Vertex;
         let lanes = Lanes::new(&graph, charge);
-        let steps = Steps { turning, lanes: (charge > 0).then_some(&lanes) };
-        let table = Table::new(&graph, goal, &steps);
+        let table = Table::new(&graph, goal, turning, (charge > 0).then_some(&lanes));
         // One step of anybody costs one and its charge, so that a table that is zero at the
         // goal alone and has a way down by just that from everywhere else is the one.
         for v in 0..graph.len() as Vertex {
@@ -483,29 +482,24 @@ fn with_a_delay_nobody_comes_soon_after_or_before() {
 
 #[test]
 fn tables_are_kept_until_room_is_needed() {
-    let graph = Graph::new(10, 10, &[true; 100]);
-    let each = Table::bytes(&graph, false);
-    let steps = Steps {
-        turning: false,
-        lanes: None,
-    };
+    let (each, make) = (202, |goal: u32| move || goal);
     let mut tables = Tables::new(8 * each);
     tables.begin();
     for goal in 0..8 {
-        assert!(tables.get(goal, &graph, goal, &steps).is_some());
+        assert!(tables.get(goal, each, make(goal)).is_some());
     }
     assert!(
-        tables.get(8, &graph, 8, &steps).is_none(),
+        tables.get(8, each, make(8)).is_none(),
         "all eight are in use"
     );
     tables.begin();
-    let kept = tables.get(7, &graph, 7, &steps).unwrap();
-    assert!(tables.get(8, &graph, 8, &steps).is_some());
+    let kept = tables.get(7, each, make(7)).unwrap();
+    assert!(tables.get(8, each, make(8)).is_some());
     assert!(tables.bytes() <= tables.limit());
     // Those of this call have stayed.
     assert!(std::sync::Arc::ptr_eq(
         &kept,
-        &tables.get(7, &graph, 7, &steps).unwrap()
+        &tables.get(7, each, make(7)).unwrap()
     ));
 }
 

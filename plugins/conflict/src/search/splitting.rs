@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use fleetyard_plugin_spacetime::astar::{Query, Stopped};
 use fleetyard_plugin_spacetime::conflict::{Conflict, FOREVER, Kind};
-use fleetyard_plugin_spacetime::distance::{Steps, Table};
+use fleetyard_plugin_spacetime::distance::Table;
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::problem::Route;
 
@@ -260,14 +260,10 @@ impl Search<'_> {
             self.distances.clear();
         }
         let (graph, turning) = (&self.problem.graph, self.problem.turning);
-        let steps = Steps {
-            turning,
-            lanes: None,
-        };
         let table = self
             .distances
             .entry(goal)
-            .or_insert_with(|| Arc::new(Table::new(graph, goal, &steps)));
+            .or_insert_with(|| Arc::new(Table::new(graph, goal, turning, None)));
         let table = Arc::clone(table);
         let Route { start, heading, .. } = *self.route(agent);
         let route = Route::to(start, heading, goal, table);

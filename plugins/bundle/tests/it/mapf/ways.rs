@@ -1,0 +1,72 @@
+//! Ways whose turns cost, against a search that is obviously right.
+
+use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Room, Ways, quarters};
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::random::Random;
+
+/// Relaxes cells and headings until nothing changes.
+fn by_relaxing(
+    graph: &Graph,
+    goal: Vertex,
+    toll: impl Fn(Vertex, usize) -> Option<u32>,
+    turn: u32,
+) -> Vec<[u32; DIRECTIONS]> {
+    let mut rest = vec![[FAR; DIRECTIONS]; graph.len()];
+    rest[goal as usize] = [0; DIRECTIONS];
+    loop {
+        let mut changed = false;
+        for v in 0..graph.len() as Vertex {
+            for h in 0..DIRECTIONS {
+                for d in 0..DIRECTIONS {
+                    let u = graph.around(v)[d];
+                    let Some(toll) = toll(v, d).filter(|_| u != graph.wall()) else {
+                        continue;
+                    };
+                    let way = turn * quarters(h as u8, d) + toll + rest[u as usize][d];
+                    if way < rest[v as usize][h] {
+                        rest[v as usize][h] = way;
+                        changed = true;
+                    }
+                }
+            }
+        }
+        if !changed {
+            return rest;
+        }
+    }
+}
+
+#[test]
+fn ways_are_those_of_relaxing_cells_and_headings() {
+    let mut room = Room::default();
+    for seed in 0..60 {
+        let mut random = Random::new(seed, 0);
+        let (rows, cols) = (1 + random.below(7), 1 + random.below(7));
+        let passable: Vec<bool> = (0..rows * cols).map(|_| !random.one_in(4)).collect();
+        let graph = Graph::new(rows, cols, &passable);
+        if graph.is_empty() {
+            continue;
+        }
+        let turn = random.below(30) as u32;
+        let table: Vec<[u32; DIRECTIONS]> = (0..graph.len())
+            .map(|_| [(); DIRECTIONS].map(|()| random.below(50) as u32))
+            .collect();
+        // A fifth of the moves are barred.
+        let toll = |v: Vertex, d: usize| match table[v as usize][d] {
+            0..10 => None,
+            toll => Some(toll),
+        };
+        let goal = random.below(graph.len()) as Vertex;
+        let moves = Moves::new(&graph, |v, d| toll(v, d).is_some());
+        let tolls = moves.tolls(|v, d| toll(v, d).unwrap_or(0));
+        let ways = Ways::new(&graph, &moves, goal, &tolls, turn, &mut room);
+        let known = by_relaxing(&graph, goal, toll, turn);
+        for v in 0..graph.len() as Vertex {
+            let rest = |heading| ways.from(&moves, v, heading, &tolls, turn).min(FAR);
+            for h in 0..DIRECTIONS {
+                assert_eq!(rest(Some(h as u8)), known[v as usize][h], "seed {seed}");
+            }
+            assert_eq!(rest(None), *known[v as usize].iter().min().unwrap());
+        }
+    }
+}
