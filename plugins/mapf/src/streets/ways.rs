@@ -24,6 +24,10 @@ pub struct Moves {
     /// Per move the vertex that it begins at, and its direction.
     from: Box<[Vertex]>,
     heading: Box<[u8]>,
+    /// Moves that lead to the beginning of a move, and the quarter turns between: those of move
+    /// `i` are from `before_at[i]` up to but not including `before_at[i + 1]`.
+    before: Box<[(Move, u32)]>,
+    before_at: Box<[u32]>,
 }
 
 impl Moves {
@@ -40,11 +44,30 @@ impl Moves {
                 }
             }
         }
-        Self {
+        let mut moves = Self {
             away: away.into(),
             from: from.into(),
             heading: heading.into(),
+            before: Box::default(),
+            before_at: Box::default(),
+        };
+        let (mut before, mut before_at) = (Vec::new(), vec![0]);
+        for (&v, &heading) in moves.from.iter().zip(&moves.heading) {
+            let into = moves.leading_to(graph, v);
+            before.extend(into.map(|(d, number)| (number, quarters(heading, d))));
+            before_at.push(before.len() as u32);
         }
+        moves.before = before.into();
+        moves.before_at = before_at.into();
+        moves
+    }
+
+    /// The moves that lead to `v`, by their directions.
+    fn leading_to(&self, graph: &Graph, v: Vertex) -> impl Iterator<Item = (usize, Move)> {
+        (0..DIRECTIONS).filter_map(move |d| {
+            let behind = graph.around(v)[(d + 2) % DIRECTIONS];
+            self.away(behind, d).map(|found| (d, found))
+        })
     }
 
     /// Number of moves.
@@ -121,15 +144,8 @@ impl Ways {
         let count = usize::from(tolls.most) + 2 * turn as usize + 1;
         let levels = &mut room.0;
         levels.resize_with(levels.len().max(count), Vec::new);
-        // Moves that lead to `v` in their directions.
-        let into = |v: Vertex| {
-            (0..DIRECTIONS).filter_map(move |d| {
-                let behind = graph.around(v)[(d + 2) % DIRECTIONS];
-                moves.away(behind, d).map(|found| (d, found))
-            })
-        };
         let mut waiting = 0;
-        for (_, last) in into(goal) {
+        for (_, last) in moves.leading_to(graph, goal) {
             rest[last as usize] = 0;
             levels[0].push(last);
             waiting += 1;
@@ -143,10 +159,10 @@ impl Ways {
                 if u32::from(rest[number as usize]) != distance {
                     continue;
                 }
-                let (v, heading) = (moves.from[number as usize], moves.heading[number as usize]);
                 let here = distance + tolls.of(number);
-                for (d, before) in into(v) {
-                    let cost = here + turn * quarters(heading, d);
+                let at_of = |number: Move| moves.before_at[number as usize] as usize;
+                for &(before, quarters) in &moves.before[at_of(number)..at_of(number + 1)] {
+                    let cost = here + turn * quarters;
                     let entry = &mut rest[before as usize];
                     if cost < u32::from(*entry) {
                         *entry = cost as u16;
