@@ -268,6 +268,7 @@ impl Roads {
             let journeys = Journeys {
                 starts: &instance.starts,
                 goals: &instance.goals,
+                headings: instance.headings.as_deref(),
                 turning: Turning::of(instance),
                 traffic: instance.traffic(),
             };

@@ -16,16 +16,18 @@
 //! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
 //! than turn, and nobody would push.
 
+mod passages;
 pub mod ways;
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Instance, Limit, Robot, Traffic};
+use fleetyard_abi::{Goals, Heading, Instance, Limit, Robot, Traffic};
 use fleetyard_plugin_spacetime::distance::Tables;
-use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
+use self::passages::{Passages, SIGHT, Signals};
 use self::ways::{Moves, Room, Tolls, Ways, quarters};
 use crate::lifelong::{Place, Ranking};
 
@@ -125,6 +127,7 @@ pub struct Streets {
     lanes: Lanes,
     /// All but those that are barred.
     moves: Moves,
+    passages: Passages,
     step_s: f64,
     tables: Tables<Key, Ways>,
     room: Room,
@@ -140,6 +143,8 @@ pub struct Journeys<'a> {
     pub starts: &'a [u32],
     /// The goal cells of each agent.
     pub goals: &'a Goals,
+    /// Where agents look, if that is known.
+    pub headings: Option<&'a [Heading]>,
     /// The time that turns take.
     pub turning: Turning,
     /// Averages of where agents wait, if they are known.
@@ -151,9 +156,11 @@ impl Streets {
     /// bytes.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
         let lanes = Lanes::new(graph, charge);
+        let moves = Moves::new(graph, |v, d| !lanes.is_barred(v, d));
         Self {
             graph: Arc::clone(graph),
-            moves: Moves::new(graph, |v, d| !lanes.is_barred(v, d)),
+            passages: Passages::new(graph, &moves),
+            moves,
             lanes,
             step_s,
             tables: Tables::new(bytes),
@@ -173,6 +180,7 @@ impl Streets {
         let Journeys {
             starts,
             goals,
+            headings,
             turning,
             traffic,
         } = journeys;
@@ -194,6 +202,7 @@ impl Streets {
             turn: turning.units(self.step_s),
             goals,
             journeys: vec![Journey::default(); goals.len()],
+            signals: None,
             streets: self,
         };
         let mut missing = Vec::new();
@@ -217,6 +226,15 @@ impl Streets {
                 break;
             }
             ranking.journeys[agent] = ranking.journey(agent, 0);
+        }
+        if !ranking.streets.passages.is_empty() {
+            let routes = starts.iter().enumerate().take(goals.len());
+            let routes = routes.map(|(agent, start)| {
+                let heading = headings.and_then(|headings| headings.get(agent));
+                ranking.route(agent, *start, heading.map(|heading| direction(*heading)))
+            });
+            let period = traffic.map(|traffic| traffic.last.number);
+            ranking.signals = Some(Signals::new(&ranking.streets.passages, routes, period));
         }
         Some(ranking)
     }
@@ -245,6 +263,7 @@ pub struct ByStreet<'a> {
     tolls: Vec<Tolls>,
     goals: &'a Goals,
     journeys: Vec<Journey>,
+    signals: Option<Signals>,
 }
 
 /// An agent on its way to a goal.
@@ -295,6 +314,26 @@ impl ByStreet<'_> {
         }
     }
 
+    /// The next cells on the way of an agent to its first goal.
+    fn route(&self, agent: usize, start: u32, mut heading: Option<u8>) -> [Vertex; SIGHT] {
+        let Streets { graph, moves, .. } = &*self.streets;
+        let journey = &self.journeys[agent];
+        let mut at = graph.vertex(start).unwrap_or(0);
+        let mut route = [at; SIGHT];
+        let Some(ways) = &journey.ways else {
+            return route;
+        };
+        let tolls = &self.tolls[journey.tolls];
+        for next in &mut route[1..] {
+            if let Some(d) = ways.best(moves, at, heading, tolls, self.turn) {
+                at = graph.around(at)[d];
+                heading = heading.map(|_| d as u8);
+            }
+            *next = at;
+        }
+        route
+    }
+
     /// Sees to the ways to the next goal of the agent of a [`Place`].
     #[inline]
     fn follow(&mut self, place: Place) {
@@ -308,7 +347,12 @@ impl Ranking for ByStreet<'_> {
     #[inline]
     fn rank(&mut self, place: Place, cells: &mut [u32]) -> usize {
         self.follow(place);
-        let Streets { graph, moves, .. } = &*self.streets;
+        let Streets {
+            graph,
+            moves,
+            passages,
+            ..
+        } = &*self.streets;
         let journey = &self.journeys[place.agent];
         let Some((ways, here)) = journey.ways.as_deref().zip(graph.vertex(place.cell)) else {
             return 0;
@@ -320,6 +364,16 @@ impl Ranking for ByStreet<'_> {
         let keys = &mut keys[..cells.len()];
         for (key, &cell) in keys.iter_mut().zip(&*cells) {
             let v = graph.vertex(cell).unwrap_or(here);
+            let closed = self
+                .signals
+                .as_ref()
+                .is_some_and(|signals| signals.closed(passages, place.agent, here, v));
+            if closed {
+                barred += usize::from(v != here);
+                let cost = if v == here { u32::MAX - 1 } else { u32::MAX };
+                *key = (cost, cell);
+                continue;
+            }
             let cost = match around.iter().position(|u| *u == v) {
                 None => STEP + ways.from(moves, here, place.heading, tolls, self.turn),
                 Some(d) => match moves.away(here, d) {
@@ -350,7 +404,12 @@ impl Ranking for ByStreet<'_> {
         match journey.ways.as_deref().zip(here) {
             Some((ways, here)) => {
                 let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls]);
-                ways.from(moves, here, place.heading, tolls, self.turn)
+                let class = match &self.signals {
+                    Some(_) if self.streets.passages.contains(here) => 0,
+                    Some(signals) if signals.holds(place.agent) => 2,
+                    _ => 1,
+                };
+                class << 20 | ways.from(moves, here, place.heading, tolls, self.turn)
             }
             None => distance.saturating_mul(STEP),
         }

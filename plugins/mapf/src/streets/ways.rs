@@ -210,11 +210,38 @@ impl Ways {
         if v == self.goal {
             return 0;
         }
-        let ways = (0..DIRECTIONS).filter_map(|d| {
+        let ways = self.on(moves, v, heading, tolls, turn);
+        ways.map(|(cost, _)| cost).min().unwrap_or(FAR)
+    }
+
+    /// The direction in which that way begins; `None` at the goal, and where it is out of reach.
+    pub fn best(
+        &self,
+        moves: &Moves,
+        v: Vertex,
+        heading: Option<u8>,
+        tolls: &Tolls,
+        turn: u32,
+    ) -> Option<usize> {
+        let ways = self.on(moves, v, heading, tolls, turn);
+        let best = ways.filter(|(cost, _)| *cost < FAR && v != self.goal).min();
+        best.map(|(_, d)| d)
+    }
+
+    /// The ways from a vertex by their first direction, with what they cost.
+    #[inline]
+    fn on(
+        &self,
+        moves: &Moves,
+        v: Vertex,
+        heading: Option<u8>,
+        tolls: &Tolls,
+        turn: u32,
+    ) -> impl Iterator<Item = (u32, usize)> {
+        (0..DIRECTIONS).filter_map(move |d| {
             let number = moves.away(v, d)?;
             let turns = heading.map_or(0, |heading| quarters(heading, d));
-            Some(turn * turns + tolls.of(number) + self.after(number))
-        });
-        ways.min().unwrap_or(FAR)
+            Some((turn * turns + tolls.of(number) + self.after(number), d))
+        })
     }
 }

@@ -37,6 +37,7 @@ fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
     Journeys {
         starts,
         goals,
+        headings: None,
         turning: Turning::default(),
         traffic: None,
     }
