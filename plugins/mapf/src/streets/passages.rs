@@ -50,7 +50,7 @@ impl Passages {
             if !narrow[v as usize] || at[v as usize] != NONE {
                 continue;
             }
-            // From any of its cells to both ends.
+            // From any of its cells to both ends; a passage that is none comes up again.
             let mut cells = std::collections::VecDeque::from([v]);
             let mut mouths = [v; 2];
             let mut seen = vec![v];
@@ -69,6 +69,14 @@ impl Passages {
                     next = on.unwrap_or(last);
                 }
                 mouths[end] = next;
+            }
+            // Where nothing but passages meet nobody has a place to wait in.
+            let waits = |mouth: &Vertex| {
+                let beside = graph.neighbors(*mouth);
+                beside.filter(|u| !narrow[*u as usize]).count() > 1
+            };
+            if !mouths.iter().all(waits) {
+                continue;
             }
             for &cell in &cells {
                 at[cell as usize] = list.len() as u32;
