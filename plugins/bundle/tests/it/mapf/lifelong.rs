@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance};
+use fleetyard_abi::{
+    Footprint, Goals, GridEnvironment, GridPlan, Heading, Instance, Robot, Snapshot, Traffic,
+};
 use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
 use fleetyard_plugin_mapf::streets::{Journeys, Streets, Turning};
@@ -408,6 +410,124 @@ fn a_lane_is_worth_a_way_round() {
     let many = self::grid::goals(&vec![vec![0]; 5]);
     let ranking = streets.ranking(journeys(&[0; 5], &many), &mut || false);
     assert!(ranking.is_none());
+}
+
+/// Two rooms with a door of one cell, and agents on both sides that want to get to the other.
+#[test]
+fn a_door_is_open_in_one_direction_at_a_time() {
+    let map = grid::drawn(&[
+        "....@....",
+        "....@....",
+        ".........",
+        "....@....",
+        "....@....",
+    ]);
+    let (west, east) = ([18_u32, 19, 20, 21], [23_u32, 24, 25]);
+    let starts: Vec<u32> = west.iter().chain(&east).copied().collect();
+    let goals = grid::goals(&[
+        vec![8],
+        vec![17],
+        vec![35],
+        vec![44],
+        vec![0],
+        vec![9],
+        vec![27],
+    ]);
+    let planner = lifelong(&map);
+    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24);
+    let snapshot = |number| Snapshot {
+        number,
+        waiting: vec![0; 45],
+        flow: Vec::new(),
+    };
+    let mut ways = Vec::new();
+    for period in 0..2 {
+        let traffic = Traffic {
+            period_s: 20.0,
+            time_constant_s: 50.0,
+            since_s: 0.0,
+            flow_unit_per_s: 1.0,
+            last: snapshot(period),
+            before: snapshot(period),
+        };
+        let journeys = Journeys {
+            traffic: Some(&traffic),
+            ..journeys(&starts, &goals)
+        };
+        let mut by_street = streets.ranking(journeys, &mut || false).unwrap();
+        let query = query(&starts, &goals, Some(6));
+        let run = lifelong(&map).run(&query, &mut by_street, &mut || false);
+        let (plan, _) = run.unwrap();
+        assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+        // Who has come through the door, and from which side.
+        let through = |agent: &usize| plan.path(*agent).contains(&22);
+        let from_west = (0..4).filter(through).count();
+        let from_east = (4..7).filter(through).count();
+        assert_eq!(from_west.min(from_east), 0, "{plan:?}");
+        assert!(from_west.max(from_east) >= 2, "{plan:?}");
+        ways.push(from_west > 0);
+    }
+    assert_ne!(ways[0], ways[1], "either side has its turn");
+}
+
+#[test]
+fn a_turn_costs_what_it_costs_the_robot() {
+    let robot = |dynamics: &str, state_limits: &[f64], control_limits: &[f64]| {
+        let limits = |most: &[f64]| most.iter().map(|most| [Some(-most), Some(*most)]).collect();
+        Instance {
+            headings: Some(vec![Heading::North]),
+            robots: vec![Robot {
+                dynamics: format!("fleetyard.{dynamics}/1"),
+                state_limits: limits(state_limits),
+                control_limits: limits(control_limits),
+                name: String::new(),
+                footprint: Footprint {
+                    radius_m: 0.3,
+                    corners_m: Vec::new(),
+                },
+                has_heading: true,
+                polar_state: false,
+                polar_control: false,
+                parameters: Vec::new(),
+            }],
+            ..Instance::one_shot(vec![0], vec![1])
+        }
+    };
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let slow = robot(
+        "unicycle-2",
+        &[9.0, 9.0, 9.0, 2.0, quarter / 2.0],
+        &[2.0, f64::MAX],
+    );
+    // A second to brake and to set out again, and two to turn.
+    assert!((Turning::of(&slow).quarter_s - 3.0).abs() < 1e-9);
+    // A turn in which the robot never comes to its highest rate: twice half of it.
+    let eager = robot(
+        "unicycle-2",
+        &[9.0, 9.0, 9.0, 2.0, 1e9],
+        &[2.0, 4.0 * quarter],
+    );
+    assert!((Turning::of(&eager).quarter_s - 2.0).abs() < 1e-9);
+    let ideal = robot("unicycle", &[], &[2.0, quarter]);
+    assert!((Turning::of(&ideal).quarter_s - 1.0).abs() < 1e-9);
+    // Neither who drives any way nor whose heading nobody knows.
+    let holonomic = robot("holonomic", &[], &[2.0, 2.0, quarter]);
+    assert_eq!(Turning::of(&holonomic), Turning::default());
+    let unknown = Instance {
+        headings: None,
+        ..slow
+    };
+    assert_eq!(Turning::of(&unknown), Turning::default());
+    // Limits that are none make no turn endless.
+    let stuck = robot("unicycle-2", &[9.0, 9.0, 9.0, 0.0, 0.0], &[0.0, 0.0]);
+    let graph = Arc::clone(lifelong(&open(3)).graph());
+    let mut streets = Streets::new(&graph, 4, 1.0, 1 << 24);
+    let goals = grid::goals(&[vec![8]]);
+    let journeys = Journeys {
+        turning: Turning::of(&stuck),
+        ..journeys(&[0], &goals)
+    };
+    assert!(streets.ranking(journeys, &mut || false).is_some());
 }
 
 fn crowds() -> impl Strategy<Value = (GridEnvironment, Vec<u32>, Vec<Vec<u32>>)> {

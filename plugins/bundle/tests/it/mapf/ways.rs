@@ -2,6 +2,7 @@
 
 use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Room, Ways, quarters};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
+use fleetyard_plugin_spacetime::lanes::Lanes;
 use fleetyard_plugin_spacetime::random::Random;
 
 /// Relaxes cells and headings until nothing changes.
@@ -69,4 +70,47 @@ fn ways_are_those_of_relaxing_cells_and_headings() {
             assert_eq!(rest(None), *known[v as usize].iter().min().unwrap());
         }
     }
+}
+
+/// Cells that can be reached from one, along the moves that `may` lets pass.
+fn reached(graph: &Graph, from: Vertex, may: impl Fn(Vertex, usize) -> bool) -> Vec<bool> {
+    let mut seen = vec![false; graph.len()];
+    let mut stack = vec![from];
+    while let Some(v) = stack.pop() {
+        if std::mem::replace(&mut seen[v as usize], true) {
+            continue;
+        }
+        for (d, &u) in graph.around(v).iter().enumerate() {
+            if u != graph.wall() && may(v, d) {
+                stack.push(u);
+            }
+        }
+    }
+    seen
+}
+
+#[test]
+fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
+    let mut barred = 0;
+    for seed in 0..60 {
+        let mut random = Random::new(seed, 1);
+        let (rows, cols) = (1 + random.below(12), 1 + random.below(12));
+        let blocked = random.below(4);
+        let passable: Vec<bool> = (0..rows * cols)
+            .map(|_| random.below(10) >= blocked)
+            .collect();
+        let graph = Graph::new(rows, cols, &passable);
+        let lanes = Lanes::new(&graph, 4);
+        for v in 0..graph.len() as Vertex {
+            let moves = (0..DIRECTIONS).filter(|d| graph.around(v)[*d] != graph.wall());
+            barred += moves.filter(|d| lanes.is_barred(v, *d)).count();
+            let all = reached(&graph, v, |_, _| true);
+            assert_eq!(
+                reached(&graph, v, |v, d| !lanes.is_barred(v, d)),
+                all,
+                "seed {seed}, from {v}"
+            );
+        }
+    }
+    assert!(barred > 1000, "{barred}");
 }
