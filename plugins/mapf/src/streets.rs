@@ -143,7 +143,7 @@ pub struct Journeys<'a> {
     pub starts: &'a [u32],
     /// The goal cells of each agent.
     pub goals: &'a Goals,
-    /// Where agents look, if that is known.
+    /// Headings of the agents, if they are known.
     pub headings: Option<&'a [Heading]>,
     /// The time that turns take.
     pub turning: Turning,

@@ -139,7 +139,7 @@ fn is_narrow(graph: &Graph, moves: &Moves, v: Vertex) -> bool {
     !past && both(a) && both(b)
 }
 
-/// Who may go through passages in a call.
+/// The agents that may go through passages in a call.
 #[derive(Debug)]
 pub(super) struct Signals {
     /// Per passage: agents may enter at the end.

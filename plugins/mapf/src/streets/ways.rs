@@ -1,4 +1,4 @@
-//! What the way to a goal costs from every move of a map on, for agents whose turns cost.
+//! Costs of the way to a goal from every move of a map on, for agents whose turns cost.
 //!
 //! A distance by cell and heading would have four entries a cell, most of them for headings in which
 //! nobody ever gets there: along an aisle one looks one way or the other, and in a one-way street
@@ -97,7 +97,7 @@ impl Moves {
     }
 }
 
-/// What moves cost, at least 1 each.
+/// Costs of moves, at least 1 each.
 #[derive(Debug)]
 pub struct Tolls {
     costs: Box<[u16]>,
