@@ -376,16 +376,15 @@ impl Ranking for ByStreet<'_> {
             }
             let cost = match around.iter().position(|u| *u == v) {
                 None => STEP + ways.from(moves, here, place.heading, tolls, self.turn),
-                Some(d) => match moves.away(here, d) {
-                    Some(number) => {
+                Some(d) => {
+                    if let Some(number) = moves.away(here, d) {
                         let turns = place.heading.map_or(0, |heading| quarters(heading, d));
                         self.turn * turns + tolls.of(number) + ways.after(number)
-                    }
-                    None => {
+                    } else {
                         barred += 1;
                         u32::MAX
                     }
-                },
+                }
             };
             *key = (cost, cell);
         }

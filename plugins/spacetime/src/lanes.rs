@@ -143,17 +143,14 @@ impl<'g> Digraph<'g> {
         }
         let mut stack = vec![(root, 0)];
         while let Some((v, from)) = stack.last_mut() {
-            match self.next(*v, *from, backwards) {
-                Some((d, u)) => {
-                    *from = d + 1;
-                    if !std::mem::replace(&mut seen[u as usize], true) {
-                        stack.push((u, 0));
-                    }
+            if let Some((d, u)) = self.next(*v, *from, backwards) {
+                *from = d + 1;
+                if !std::mem::replace(&mut seen[u as usize], true) {
+                    stack.push((u, 0));
                 }
-                None => {
-                    left.push(*v);
-                    stack.pop();
-                }
+            } else {
+                left.push(*v);
+                stack.pop();
             }
         }
     }
