@@ -109,14 +109,14 @@ const CPP_SDK: &[(&str, &str)] =
     copies!("abi/include": "fleetyard.hpp" "fleetyard.h" "fleetyard.map");
 
 const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
-    "c.rs" "clock.rs" "convert/environment.rs" "convert/instance.rs" "convert/memory.rs" "convert/mod.rs"
-    "convert/options.rs" "convert/plan.rs" "convert/sink.rs" "environment.rs" "export.rs"
-    "figures.rs" "layout.rs" "lib.rs" "lists.rs" "memory.rs" "model.rs" "moves.rs" "object.rs" "paths.rs"
+    "annotation.rs" "c.rs" "clock.rs" "convert/annotation.rs" "convert/environment.rs" "convert/instance.rs"
+    "convert/memory.rs" "convert/mod.rs" "convert/options.rs" "convert/plan.rs" "convert/sink.rs" "environment.rs"
+    "export.rs" "figures.rs" "layout.rs" "lib.rs" "lists.rs" "memory.rs" "model.rs" "moves.rs" "object.rs" "paths.rs"
     "paths/motions.rs" "paths/reader.rs" "plan.rs" "sdk.rs" "serve.rs" "wire.rs");
 
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
-    "__init__.py" "_failures.py" "_maps.py" "_memory.py" "_model.py" "_numbers.py" "_paths.py" "_plans.py" "_plugins.py"
-    "_server.py" "_steps.py" "py.typed");
+    "__init__.py" "_annotations.py" "_failures.py" "_maps.py" "_memory.py" "_model.py" "_numbers.py" "_paths.py"
+    "_plans.py" "_plugins.py" "_server.py" "_steps.py" "py.typed");
 
 /// Description of the files of an SDK.
 const SDK: &str = "the SDK";
