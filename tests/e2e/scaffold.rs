@@ -10,6 +10,7 @@ use std::process::Command;
 
 use fleetyard_testkit::{
     Ended, INPUT, Package, SUCCESS, USAGE, Yard, have, packages, prepare_package, root,
+    turn_of_packages,
 };
 
 const KINDS: [&str; 4] = [
@@ -73,6 +74,7 @@ fn have_all(programs: &[&str]) -> bool {
 
 #[test]
 fn rust() {
+    let _turn = turn_of_packages();
     for kind in KINDS {
         works("rust", kind, is_formatted);
     }

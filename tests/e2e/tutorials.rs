@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use fleetyard_testkit::{Yard, have, prepare_package, root};
+use fleetyard_testkit::{Yard, have, prepare_package, root, turn_of_packages};
 use snapbox::data::DataFormat;
 use snapbox::{Assert, Data};
 
@@ -95,6 +95,7 @@ fn change(yard: &Yard, diff: &[&str]) {
 
 #[test]
 fn rust() {
+    let _turn = turn_of_packages();
     follow("rust.md", &["cargo"]);
 }
 

@@ -99,6 +99,14 @@ pub fn prepare_package(folder: &Path) {
     }
 }
 
+/// Waits for the build folder of [`prepare_package`], and keeps others from it as long as the file is
+/// held: packages of two tests are called alike, and Cargo replaces what the other one still reads.
+pub fn turn_of_packages() -> fs::File {
+    let file = fs::File::create(kept("packages").join(".turn")).unwrap();
+    file.lock().unwrap();
+    file
+}
+
 /// Products of `cargo build` for a package: its shared library and its program.
 #[derive(Debug, Clone, Default)]
 pub struct Built {
