@@ -22,7 +22,7 @@ const LANE_CHARGE: u16 = 4;
 const TABLE_BYTES: u64 = 512 << 20;
 /// The same for tables of the ways along lanes. A fleet that needs more than half of that at a
 /// time does without lanes: to make them takes longer than a call.
-const LANE_BYTES: u64 = 128 << 20;
+const LANE_BYTES: u64 = 256 << 20;
 
 /// Retries of `lacam` under a window: always as many, so that its plans do not depend on the speed
 /// of the machine.

@@ -1,8 +1,9 @@
 //! PIBT along one-way streets, with turns that cost.
 //!
 //! Of the cells where an agent could be next it prefers the one over which the way to its goal
-//! costs the least; of equals those that PIBT prefers by itself. Who goes first is decided by that
-//! way too, so that the first of all still arrives. Four things make a way longer than its moves:
+//! costs the least; of equals those that PIBT prefers by itself. The agent whose way costs least goes
+//! first, but for those in and before [`passages`] of one cell's width, so that the first of all still
+//! arrives. Four things make a way longer than its moves:
 //!
 //! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
 //!   ([`Lanes::is_barred`]), an agent makes one only if it is pushed, and no way counts on one: if
@@ -20,6 +21,7 @@ mod passages;
 pub mod ways;
 
 use std::f64::consts::FRAC_PI_2;
+use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 use fleetyard_abi::{Goals, Heading, Instance, Limit, Robot, Traffic};
@@ -133,7 +135,7 @@ pub struct Streets {
     room: Room,
 }
 
-/// All that decides about a table: the goal, the cost of a turn, the number of the averages.
+/// All that decides about a table: the goal, the cost of a turn, and a hash of the averages.
 type Key = (Vertex, u32, u64);
 
 /// The input of [`Streets::ranking`].
@@ -189,13 +191,13 @@ impl Streets {
             return None;
         }
         self.tables.begin();
-        let tolls = match traffic {
-            Some(traffic) => vec![
-                self.tolls(&traffic.last.waiting),
-                self.tolls(&traffic.before.waiting),
-            ],
-            None => vec![self.tolls(&[])],
+        let averages = match traffic {
+            Some(traffic) => vec![&traffic.last.waiting[..], &traffic.before.waiting],
+            None => vec![&[][..]],
         };
+        let averages = averages.into_iter();
+        let tolls = averages.map(|waiting| (hash_of(waiting), self.tolls(waiting)));
+        let tolls = tolls.collect();
         let mut ranking = ByStreet {
             tolls,
             traffic,
@@ -252,6 +254,14 @@ impl Streets {
     }
 }
 
+/// Stands for averages among those of a process. What a number stands for in one run may be
+/// something else in the next.
+fn hash_of(waiting: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    hasher.write(waiting);
+    hasher.finish()
+}
+
 /// The order of streets in one call.
 #[derive(Debug)]
 pub struct ByStreet<'a> {
@@ -259,8 +269,8 @@ pub struct ByStreet<'a> {
     /// Cost of a turn by 90°.
     turn: u32,
     traffic: Option<&'a Traffic>,
-    /// Costs of moves by the last averages, and by those before.
-    tolls: Vec<Tolls>,
+    /// Costs of moves by the last averages, and by those before, with a hash of the averages.
+    tolls: Vec<(u64, Tolls)>,
     goals: &'a Goals,
     journeys: Vec<Journey>,
     signals: Option<Signals>,
@@ -282,13 +292,11 @@ impl ByStreet<'_> {
     fn key(&self, agent: usize, visited: usize) -> Option<(Vertex, Key, usize)> {
         let cell = *self.goals.get(agent)?.get(visited)?;
         let goal = self.streets.graph.vertex(cell)?;
-        let Some(traffic) = self.traffic else {
-            return Some((goal, (goal, self.turn, 0), 0));
-        };
-        let number = traffic.snapshot_of(cell.into()).number;
-        let tolls = usize::from(number != traffic.last.number);
-        // 0 stands for no averages.
-        Some((goal, (goal, self.turn, number.saturating_add(1)), tolls))
+        let at = self.traffic.map_or(0, |traffic| {
+            let snapshot = traffic.snapshot_of(cell.into());
+            usize::from(!std::ptr::eq(snapshot, &raw const traffic.last))
+        });
+        Some((goal, (goal, self.turn, self.tolls[at].0), at))
     }
 
     fn journey(&mut self, agent: usize, visited: usize) -> Journey {
@@ -305,7 +313,7 @@ impl ByStreet<'_> {
             room,
             ..
         } = &mut *self.streets;
-        let tolls = &self.tolls[at];
+        let tolls = &self.tolls[at].1;
         let make = || Ways::new(graph, moves, goal, tolls, self.turn, room);
         Journey {
             visited,
@@ -323,7 +331,7 @@ impl ByStreet<'_> {
         let Some(ways) = &journey.ways else {
             return route;
         };
-        let tolls = &self.tolls[journey.tolls];
+        let tolls = &self.tolls[journey.tolls].1;
         for next in &mut route[1..] {
             if let Some(d) = ways.best(moves, at, heading, tolls, self.turn) {
                 at = graph.around(at)[d];
@@ -357,7 +365,7 @@ impl Ranking for ByStreet<'_> {
         let Some((ways, here)) = journey.ways.as_deref().zip(graph.vertex(place.cell)) else {
             return 0;
         };
-        let tolls = &self.tolls[journey.tolls];
+        let tolls = &self.tolls[journey.tolls].1;
         let around = graph.around(here);
         let mut barred = 0;
         let mut keys = [(0, 0); DIRECTIONS + 1];
@@ -402,7 +410,7 @@ impl Ranking for ByStreet<'_> {
         let here = self.streets.graph.vertex(place.cell);
         match journey.ways.as_deref().zip(here) {
             Some((ways, here)) => {
-                let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls]);
+                let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls].1);
                 let class = match &self.signals {
                     Some(_) if self.streets.passages.contains(here) => 0,
                     Some(signals) if signals.holds(place.agent) => 2,

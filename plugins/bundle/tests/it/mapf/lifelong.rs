@@ -470,6 +470,49 @@ fn a_door_is_open_in_one_direction_at_a_time() {
     assert_ne!(ways[0], ways[1], "either side has its turn");
 }
 
+/// What a number of a snapshot stood for in another run makes no difference.
+#[test]
+fn averages_count_by_what_is_in_them() {
+    let map = open(8);
+    let starts = [0, 7];
+    let goals = grid::goals(&[vec![63], vec![56]]);
+    let planner = lifelong(&map);
+    let traffic = |waiting: &[u8]| {
+        let snapshot = Snapshot {
+            number: 3,
+            waiting: waiting.to_vec(),
+            flow: Vec::new(),
+        };
+        Traffic {
+            period_s: 20.0,
+            time_constant_s: 50.0,
+            since_s: 10.0,
+            flow_unit_per_s: 1.0,
+            last: snapshot.clone(),
+            before: snapshot,
+        }
+    };
+    let crowded: Vec<u8> = (0..64).map(|cell| grid::mix(cell) as u8).collect();
+    let plan = |streets: &mut Streets, waiting: &[u8]| {
+        let traffic = traffic(waiting);
+        let journeys = Journeys {
+            traffic: Some(&traffic),
+            ..journeys(&starts, &goals)
+        };
+        let mut by_street = streets.ranking(journeys, &mut || false).unwrap();
+        let query = query(&starts, &goals, Some(20));
+        lifelong(&map)
+            .run(&query, &mut by_street, &mut || false)
+            .unwrap()
+            .0
+    };
+    let streets = || Streets::new(planner.graph(), 4, 1.0, 1 << 24);
+    let fresh = plan(&mut streets(), &crowded);
+    let mut used = streets();
+    assert_ne!(plan(&mut used, &[0; 64]), fresh, "crowds are gone round");
+    assert_eq!(plan(&mut used, &crowded), fresh);
+}
+
 #[test]
 fn a_turn_costs_what_it_costs_the_robot() {
     let robot = |dynamics: &str, state_limits: &[f64], control_limits: &[f64]| {
