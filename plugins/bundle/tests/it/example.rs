@@ -199,8 +199,9 @@ fn random_goals_are_free_reachable_and_distinct() {
     let sink = Notes::default();
     generator.prepare(&map, &BUDGET, &sink).unwrap();
     let mut drawn = BTreeSet::new();
-    for _ in 0..40 {
-        generator.generate(&state, &BUDGET, &sink).unwrap();
+    for seed in 0..40 {
+        let budget = Budget { seed, ..BUDGET };
+        generator.generate(&state, &budget, &sink).unwrap();
         let request = sink.request.lock().unwrap().take().unwrap();
         request.check(3, 12).unwrap();
         assert_eq!(request.window_steps, 3);
