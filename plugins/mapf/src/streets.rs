@@ -2,7 +2,7 @@
 //!
 //! Of the cells where an agent could be next it prefers the one over which the way to its goal
 //! costs the least; of equals those that PIBT prefers by itself. The agent whose way costs least goes
-//! first, but for those in and before [`passages`] of one cell's width, so that the first of all still
+//! first, but for those in and before passages of one cell's width, so that the first of all still
 //! arrives. Four things make a way longer than its moves:
 //!
 //! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
