@@ -470,7 +470,7 @@ fn a_door_is_open_in_one_direction_at_a_time() {
     assert_ne!(ways[0], ways[1], "either side has its turn");
 }
 
-/// What a number of a snapshot stood for in another run makes no difference.
+/// Another run, in which the number of a snapshot stood for other averages, makes no difference.
 #[test]
 fn averages_count_by_what_is_in_them() {
     let map = open(8);
