@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::c;
 use crate::lists::Lists;
+use crate::memory::{byte_of, digits_of};
 use crate::model::{Capabilities, Capability, Heading, Part};
 
 /// The part of the input that stays the same between calls: the map.
@@ -441,11 +442,9 @@ impl From<&GridEnvironment> for GridWire {
         let moves = if grid.is_plain() {
             Vec::new()
         } else {
-            let digit = |digit: u8| char::from_digit(digit.into(), 16).unwrap_or('0');
             let hex = |row: &[u8]| {
-                row.iter()
-                    .flat_map(|mask| [digit(mask >> 4), digit(mask & 15)])
-                    .collect()
+                let digits = row.iter().copied().flat_map(digits_of);
+                digits.map(char::from).collect()
             };
             grid.moves.chunks(cols).map(hex).collect()
         };
@@ -505,10 +504,9 @@ impl TryFrom<GridWire> for GridEnvironment {
         let moves = if wire.moves.is_empty() {
             plain_moves(wire.rows, wire.cols, wire.connectivity, &passable)
         } else {
-            let digit = |byte: u8| char::from(byte).to_digit(16).map(|digit| digit as u8);
-            let mask = |pair: &[u8]| Some(digit(pair[0])? << 4 | digit(pair[1])?);
             let hex = flatten("moves", &wire.moves, 2)?;
-            let masks: Option<Vec<u8>> = hex.chunks_exact(2).map(mask).collect();
+            let (pairs, _) = hex.as_chunks::<2>();
+            let masks: Option<Vec<u8>> = pairs.iter().map(|pair| byte_of(*pair)).collect();
             masks.ok_or("`moves` has other letters than hexadecimal digits")?
         };
         Ok(Self {

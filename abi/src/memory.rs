@@ -295,14 +295,13 @@ const VALUES: [u8; 256] = {
     values
 };
 
-fn push_byte(text: &mut Vec<u8>, byte: u8) {
-    text.extend_from_slice(&[
-        DIGITS[usize::from(byte >> 4)],
-        DIGITS[usize::from(byte & 15)],
-    ]);
+/// The two hexadecimal digits of a byte.
+pub(crate) fn digits_of(byte: u8) -> [u8; 2] {
+    [byte >> 4, byte & 15].map(|value| DIGITS[usize::from(value)])
 }
 
-fn byte_of([high, low]: [u8; 2]) -> Option<u8> {
+/// The byte of two hexadecimal digits.
+pub(crate) fn byte_of([high, low]: [u8; 2]) -> Option<u8> {
     let [high, low] = [VALUES[usize::from(high)], VALUES[usize::from(low)]];
     (high < NONE && low < NONE).then_some(high << 4 | low)
 }
@@ -316,14 +315,12 @@ fn write<S: Serializer>(text: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
 pub mod hex {
     use serde::de::Error;
 
-    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte, write};
+    use super::{Deserialize, Deserializer, Serializer, byte_of, digits_of, write};
 
     /// Writes bytes.
     pub fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
         let mut text = Vec::with_capacity(2 * bytes.len());
-        for byte in bytes {
-            push_byte(&mut text, *byte);
-        }
+        text.extend(bytes.iter().copied().flat_map(digits_of));
         write(&text, serializer)
     }
 
@@ -342,7 +339,7 @@ pub mod hex {
 mod runs {
     use serde::de::Error;
 
-    use super::{Deserialize, Deserializer, Serializer, byte_of, push_byte, write};
+    use super::{Deserialize, Deserializer, Serializer, byte_of, digits_of, write};
 
     /// Stands for one zero; each further letter for twice as many as the one before.
     const FIRST: u8 = b'g';
@@ -353,7 +350,7 @@ mod runs {
         let mut rest = bytes;
         while let Some(byte) = rest.first() {
             if *byte != 0 {
-                push_byte(&mut text, *byte);
+                text.extend(digits_of(*byte));
                 rest = &rest[1..];
                 continue;
             }

@@ -30,7 +30,7 @@ use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
 use self::passages::{Passages, SIGHT, Signals};
-use self::ways::{Moves, Room, Tolls, Ways, quarters};
+use self::ways::{Moves, Room, Tolls, Ways};
 use crate::lifelong::{Place, Ranking};
 
 /// Units of cost in a step.
@@ -196,12 +196,13 @@ impl Streets {
             None => vec![&[][..]],
         };
         let averages = averages.into_iter();
-        let tolls = averages.map(|waiting| (hash_of(waiting), self.tolls(waiting)));
+        let turn = turning.units(self.step_s);
+        let tolls = averages.map(|waiting| (hash_of(waiting), self.tolls(turn, waiting)));
         let tolls = tolls.collect();
         let mut ranking = ByStreet {
             tolls,
             traffic,
-            turn: turning.units(self.step_s),
+            turn,
             goals,
             journeys: vec![Journey::default(); goals.len()],
             signals: None,
@@ -241,9 +242,9 @@ impl Streets {
         Some(ranking)
     }
 
-    /// Costs of moves where agents wait so much, by cell, in units of 1/255.
-    fn tolls(&self, waiting: &[u8]) -> Tolls {
-        self.moves.tolls(|v, d| {
+    /// Costs of turns, and of moves where agents wait so much, by cell, in units of 1/255.
+    fn tolls(&self, turn: u32, waiting: &[u8]) -> Tolls {
+        self.moves.tolls(turn, |v, d| {
             let to = self.graph.around(v)[d];
             let share = waiting.get(self.graph.cell(to) as usize);
             let wait = share.map_or(0, |share| {
@@ -314,7 +315,7 @@ impl ByStreet<'_> {
             ..
         } = &mut *self.streets;
         let tolls = &self.tolls[at].1;
-        let make = || Ways::new(graph, moves, goal, tolls, self.turn, room);
+        let make = || Ways::new(graph, moves, goal, tolls, room);
         Journey {
             visited,
             ways: tables.get(key, Ways::bytes(moves), make),
@@ -333,7 +334,7 @@ impl ByStreet<'_> {
         };
         let tolls = &self.tolls[journey.tolls].1;
         for next in &mut route[1..] {
-            if let Some(d) = ways.best(moves, at, heading, tolls, self.turn) {
+            if let Some(d) = ways.best(moves, at, heading, tolls) {
                 at = graph.around(at)[d];
                 heading = heading.map(|_| d as u8);
             }
@@ -383,11 +384,10 @@ impl Ranking for ByStreet<'_> {
                 continue;
             }
             let cost = match around.iter().position(|u| *u == v) {
-                None => STEP + ways.from(moves, here, place.heading, tolls, self.turn),
+                None => STEP + ways.from(moves, here, place.heading, tolls),
                 Some(d) => {
                     if let Some(number) = moves.away(here, d) {
-                        let turns = place.heading.map_or(0, |heading| quarters(heading, d));
-                        self.turn * turns + tolls.of(number) + ways.after(number)
+                        ways.along(number, d, place.heading, tolls)
                     } else {
                         barred += 1;
                         u32::MAX
@@ -416,7 +416,7 @@ impl Ranking for ByStreet<'_> {
                     Some(signals) if signals.holds(place.agent) => 2,
                     _ => 1,
                 };
-                class << 20 | ways.from(moves, here, place.heading, tolls, self.turn)
+                class << 20 | ways.from(moves, here, place.heading, tolls)
             }
             None => distance.saturating_mul(STEP),
         }

@@ -11,8 +11,8 @@
 //! A move against a lane takes no longer. It is charged, in searches and in the distances
 //! that lead them, so that agents go round by another street if that is hardly further.
 //!
-//! Where lanes alone lead from everywhere to everywhere else, moves against them can be done
-//! without: [`Lanes::is_barred`] makes one-way streets of that part of the map. A charge alone does
+//! Moves against lanes can be done without where lanes alone lead from everywhere to everywhere
+//! else: [`Lanes::is_barred`] makes one-way streets of that part of the map. A charge alone does
 //! not stop agents from meeting head on in an aisle, which robots that do not move in chains at once
 //! never get out of.
 

@@ -86,28 +86,27 @@ impl Moves {
         Some(self.away[v as usize][d]).filter(|found| *found != NONE)
     }
 
-    /// Costs of all moves, from those by vertex and direction.
-    pub fn tolls(&self, toll: impl Fn(Vertex, usize) -> u32) -> Tolls {
+    /// Costs of all moves, from those by vertex and direction, and of a turn by 90°.
+    pub fn tolls(&self, turn: u32, toll: impl Fn(Vertex, usize) -> u32) -> Tolls {
         let ends = self.from.iter().zip(&self.heading);
         let costs: Box<[u16]> = ends
             .map(|(&v, &d)| toll(v, d.into()).min(FAR) as u16)
             .collect();
         let most = costs.iter().copied().max().unwrap_or(0);
-        Tolls { costs, most }
+        Tolls { costs, most, turn }
     }
 }
 
-/// Costs of moves, at least 1 each.
+/// Costs of moves, at least 1 each, and of turns.
 #[derive(Debug)]
 pub struct Tolls {
     costs: Box<[u16]>,
     most: u16,
+    turn: u32,
 }
 
 impl Tolls {
-    /// The cost of a move.
-    #[inline]
-    pub fn of(&self, number: Move) -> u32 {
+    fn of(&self, number: Move) -> u32 {
         self.costs[number as usize].into()
     }
 }
@@ -131,17 +130,10 @@ pub fn quarters(from: u8, to: usize) -> u32 {
 }
 
 impl Ways {
-    /// The ways to a goal, where any heading will do. A turn by 90° costs `turn`.
-    pub fn new(
-        graph: &Graph,
-        moves: &Moves,
-        goal: Vertex,
-        tolls: &Tolls,
-        turn: u32,
-        room: &mut Room,
-    ) -> Self {
+    /// The ways to a goal, where any heading will do.
+    pub fn new(graph: &Graph, moves: &Moves, goal: Vertex, tolls: &Tolls, room: &mut Room) -> Self {
         let mut rest = vec![FAR as u16; moves.len()].into_boxed_slice();
-        let count = usize::from(tolls.most) + 2 * turn as usize + 1;
+        let count = usize::from(tolls.most) + 2 * tolls.turn as usize + 1;
         let levels = &mut room.0;
         levels.resize_with(levels.len().max(count), Vec::new);
         let mut waiting = 0;
@@ -162,7 +154,7 @@ impl Ways {
                 let here = distance + tolls.of(number);
                 let at_of = |number: Move| moves.before_at[number as usize] as usize;
                 for &(before, quarters) in &moves.before[at_of(number)..at_of(number + 1)] {
-                    let cost = here + turn * quarters;
+                    let cost = here + tolls.turn * quarters;
                     let entry = &mut rest[before as usize];
                     if cost < u32::from(*entry) {
                         *entry = cost as u16;
@@ -191,26 +183,21 @@ impl Ways {
         (moves.len() * size_of::<u16>()) as u64
     }
 
-    /// The cost of the way from the end of a move on, [`FAR`] or more where there is none.
+    /// The cost of the way that begins with a move in direction `d`, for an agent that looks this way
+    /// before it, or any way; [`FAR`] or more where there is none.
     #[inline]
-    pub fn after(&self, number: Move) -> u32 {
-        self.rest[number as usize].into()
+    pub fn along(&self, number: Move, d: usize, heading: Option<u8>, tolls: &Tolls) -> u32 {
+        let turns = heading.map_or(0, |heading| quarters(heading, d));
+        tolls.turn * turns + tolls.of(number) + u32::from(self.rest[number as usize])
     }
 
     /// The cost of the way from a vertex for an agent that looks this way, or any way.
     #[inline]
-    pub fn from(
-        &self,
-        moves: &Moves,
-        v: Vertex,
-        heading: Option<u8>,
-        tolls: &Tolls,
-        turn: u32,
-    ) -> u32 {
+    pub fn from(&self, moves: &Moves, v: Vertex, heading: Option<u8>, tolls: &Tolls) -> u32 {
         if v == self.goal {
             return 0;
         }
-        let ways = self.on(moves, v, heading, tolls, turn);
+        let ways = self.on(moves, v, heading, tolls);
         ways.map(|(cost, _)| cost).min().unwrap_or(FAR)
     }
 
@@ -221,9 +208,8 @@ impl Ways {
         v: Vertex,
         heading: Option<u8>,
         tolls: &Tolls,
-        turn: u32,
     ) -> Option<usize> {
-        let ways = self.on(moves, v, heading, tolls, turn);
+        let ways = self.on(moves, v, heading, tolls);
         let best = ways.filter(|(cost, _)| *cost < FAR && v != self.goal).min();
         best.map(|(_, d)| d)
     }
@@ -236,12 +222,10 @@ impl Ways {
         v: Vertex,
         heading: Option<u8>,
         tolls: &Tolls,
-        turn: u32,
     ) -> impl Iterator<Item = (u32, usize)> {
         (0..DIRECTIONS).filter_map(move |d| {
             let number = moves.away(v, d)?;
-            let turns = heading.map_or(0, |heading| quarters(heading, d));
-            Some((turn * turns + tolls.of(number) + self.after(number), d))
+            Some((self.along(number, d, heading, tolls), d))
         })
     }
 }

@@ -59,11 +59,11 @@ fn ways_are_those_of_relaxing_cells_and_headings() {
         };
         let goal = random.below(graph.len()) as Vertex;
         let moves = Moves::new(&graph, |v, d| toll(v, d).is_some());
-        let tolls = moves.tolls(|v, d| toll(v, d).unwrap_or(0));
-        let ways = Ways::new(&graph, &moves, goal, &tolls, turn, &mut room);
+        let tolls = moves.tolls(turn, |v, d| toll(v, d).unwrap_or(0));
+        let ways = Ways::new(&graph, &moves, goal, &tolls, &mut room);
         let known = by_relaxing(&graph, goal, toll, turn);
         for v in 0..graph.len() as Vertex {
-            let rest = |heading| ways.from(&moves, v, heading, &tolls, turn).min(FAR);
+            let rest = |heading| ways.from(&moves, v, heading, &tolls).min(FAR);
             let by_heading: Vec<u32> = (0..DIRECTIONS as u8).map(|h| rest(Some(h))).collect();
             assert_eq!(by_heading, known[v as usize], "seed {seed}");
             assert_eq!(Some(&rest(None)), by_heading.iter().min());
