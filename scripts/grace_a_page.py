@@ -252,17 +252,21 @@ def table_of_views(page, trials):
                 *(f"GRACE: {metric}, %" for metric in METRICS)], rows, texts=2)
     page.text(f"Geometric means, with 95 % t intervals over seeds, on the {len(common)} instances that the planners of all views solved. "
               "*SoC* is the length of all ways in metres, as in the paper, *makespan* the plan's own, *planning time* includes learning the "
-              "view, but not making it. The planner of a view is the one that solves most there, and of those the one with the "
-              "shortest ways.\n")
+              "view, but not making it. The planner of a view is the one that solves most there, then the one with the shortest ways.\n")
+
+
+def overlaps(plans):
+    """Plans that keep the rules of their view, and in which footprints overlap."""
+    return share(sum(not row["valid_in_world"] for row in plans), len(plans))
 
 
 def table_of_executions(page, trials):
     rows = []
-    for (view, planner), cells in sorted(trials.lines.items(), key=lambda line: (list(VIEWS).index(line[0][0]), line[0][1])):
-        plans = [row for row in cells.values() if row["valid"]]
+    for view in VIEWS:
+        plans = [row for (of, _), cells in trials.lines.items() if of == view for row in cells.values() if row["valid"]]
         if not plans:
             continue
-        told = [share(sum(not row["valid_in_world"] for row in plans), len(plans))]
+        told = [overlaps(plans)]
         for how in EXECUTIONS:
             driven = [row for row in plans if row[f"{how}_pairs"] is not None]
             told += [str(sum(row[f"{how}_{what}"] > 0 for row in driven)) if driven else "–" for what in ("pairs", "walls")]
@@ -271,13 +275,13 @@ def table_of_executions(page, trials):
         later = [row["driven_makespan_s"] - row["makespan_s"] for row in plans if row["driven_makespan_s"] is not None]
         off = [row["driven_off_m"] for row in plans if row["driven_off_m"] is not None]
         told += [f"{mean(later):.2f}" if later else "–", f"{max(off):.2f}" if off else "–"]
-        rows.append([TITLES[view], f"`{planner}`", *told])
-    page.table(["view", "planner", "overlap in the world", "followed: robots touch", "walls", "nearest, m",
-                "driven: robots touch", "walls", "nearest, m", "later, s", "off course, m"], rows, texts=2)
-    page.text("*Overlap*: plans that are valid on their view, and in which footprints overlap, by the exact judge. *Followed*: at 60 Hz by the "
-              "single integrators that planners on views are told of, as GRACE plays plans back; within a tick robots cut corners by "
-              "millimetres. *Driven*: by the task's double integrators, from knot to knot by the plan's times, until all have "
-              "arrived. Columns have the number of plans with a contact, the least distance between centres, the mean delay of the "
+        rows.append([TITLES[view], *told])
+    page.table(["view", "overlap in the world", "followed: robots touch", "walls", "nearest, m",
+                "driven: robots touch", "walls", "nearest, m", "later, s", "off course, m"], rows, texts=1)
+    page.text("Plans of all planners of a view. *Overlap*: footprints overlap, by the exact judge, in a plan that is valid on its view. "
+              "*Followed*: at 60 Hz by the single integrators that planners on views are told of, as GRACE plays plans back; within a tick "
+              "robots cut corners by millimetres. *Driven*: by the task's double integrators, from knot to knot by the plan's times, until "
+              "all have arrived. Columns have the number of plans with a contact, the least distance between centres, the mean delay of the "
               "last arrival, and the largest distance from the plan.\n")
 
 
@@ -290,8 +294,9 @@ def table_of_planners(page, trials, planners):
         figures = ["100", "100"] if cells is base else [
             percent(ratios(cells, base, METRICS[metric], cells)) for metric in ("SoC", "makespan")]
         middle = digits(times[len(times) // 2]) if times else "–"
-        rows.append([TITLES[view], f"`{planner}`", share(len(solved), len(cells)), *figures, middle, digits(times[-1]) if times else "–"])
-    page.table(["view", "planner", "solved", "SoC, %", "makespan, %", "median ms", "longest ms"], rows, texts=2)
+        rows.append([TITLES[view], f"`{planner}`", share(len(solved), len(cells)), overlaps(solved), *figures, middle,
+                     digits(times[-1]) if times else "–"])
+    page.table(["view", "planner", "solved", "overlap", "SoC, %", "makespan, %", "median ms", "longest ms"], rows, texts=2)
     told = [f"`{planner['planner']}` with `{planner['options']}`" for planner in planners if planner["options"] and not planner["left_out"]]
     if told:
         page.text(f"Planners that improve plans until the budget ends are asked for the first one: {', '.join(told)}.")
@@ -384,15 +389,14 @@ def write(page, kept):
     out.text(f"Per cent of `{base}` in the plane, for every family; shades are 95 % t intervals over seeds.\n")
     table_of_views(out, trials)
     low, middle, high = PUBLISHED_ROADMAPS
-    out.text(f"GRACE gives for its roadmaps together SoC {low} %, makespan {middle} % and planning time {high} % of db-CBS, and of the three densities "
-             "apart only the superdense one. Its worlds, starts, roadmaps, the speed ν and the planners behind its grid and roadmap figures are not "
-             "published, so:\n")
+    out.text(f"GRACE gives for its roadmaps together SoC {low} %, makespan {middle} % and planning time {high} % of db-CBS, apart only for the superdense "
+             "one. Its worlds, starts, roadmaps, the speed ν and the planners behind its grid and roadmap figures are not published, so:\n")
     exact = trials.exact
     plane = f"`{base}` plans for the same double integrators" if exact else f"`{base}` plans without inertia"
     out.table(["figure", "comparable", "reason"], [
-        ["SoC", "in kind", f"ways in metres in worlds of one kind, but not the same worlds and roadmaps; {plane}, but is not db-CBS"],
-        ["makespan", "no" if not exact else "in kind", "db-CBS has to speed up and to brake, stop-go robots do not: GRACE itself says that makespans of "
-         "these models are not directly comparable" + ("" if exact else "; here robots do not have to in the plane either")],
+        ["SoC", "in kind", f"not the same worlds and roadmaps; {plane}, but is not db-CBS"],
+        ["makespan", "no" if not exact else "in kind", "db-CBS has to speed up and to brake, stop-go robots do not, as GRACE says" + ("" if exact else "; here robots "
+         "do not have to in the plane either")],
         ["planning time", "no", f"another planner in the plane, and another machine: db-CBS searches in states with speeds, `{base}` "
          + ("is not db-CBS" if exact else "in places alone")],
     ], texts=3)
