@@ -822,32 +822,16 @@ def of(results, behaviour, condition=None):
 
 def containment_tables(results, conditions):
     names = [condition.name for condition in conditions]
-    rows, odd = [], []
+    rows = []
     for group, behaviours in GROUPS.items():
         tried = [b for b in behaviours if of(results, b)]
-        held = []
-        for behaviour in tried:
-            everything = of(results, behaviour)
-            letters = sorted({one["letter"] for one in everything})
-            by = ", ".join(LETTERS[letter] for letter in letters)
-            held += [one["contained"] for one in everything]
-            if not all(one["contained"] for one in everything):
-                cells = []
-                for name in names:
-                    ones = of(results, behaviour, name)
-                    good = sum(one["contained"] for one in ones)
-                    cell = f"{good}/{len(ones)}" if ones else ""
-                    cells.append(f"**{cell}**" if good < len(ones) else cell)
-                odd.append([title(behaviour), by, *cells])
+        held = [one["contained"] for b in tried for one in of(results, b)]
         if tried:
             rows.append([group, len(tried), f"{sum(held)} of {len(held)}"])
-    head = ["behaviour", "plugins", *(TITLES[name] for name in names)]
     contained = [
         table(["group", "behaviours", "runs that were contained"], rows),
         summary(results, names),
     ]
-    if odd:
-        contained.insert(0, table(head, odd, 2))
     return {
         "contained": "\n\n".join(contained),
         "limits": limits_table(results, names),
@@ -932,7 +916,7 @@ def exceptions(results, names):
 
 
 def layers_table(results, conditions):
-    """The layers that records report, and why one is missing; and how limits hold."""
+    """The layers that records report, and why one is missing; and who enforces limits."""
     seen, order = {}, []
 
     def saw(row, one, cell):
@@ -947,17 +931,21 @@ def layers_table(results, conditions):
             cell = "✓" if state["active"] else (state["errno"] or state["reason"] or "no")
             saw(state["layer"], one, cell)
         for state in sandbox.get("limits", []):
-            held = f"enforced by the {state['by']}" if state["enforced"] else "watched"
+            held = f"by the {state['by']}" if state["enforced"] else "watched"
             saw(f"limit `{state['limit']}`", one, held)
     order.sort(key=lambda row: row.startswith("limit"))
     rows = []
     for layer in order:
-        row = [layer]
+        row = []
         for condition in conditions:
             cells = seen.get((layer, condition.name), {})
             row.append("; ".join(sorted(cells, key=cells.get, reverse=True)) or "")
-        rows.append(row)
-    head = ["layer", *(TITLES[condition.name] for condition in conditions)]
+        # What is alike is one row.
+        if rows and rows[-1][1:] == row:
+            rows[-1][0] += f", {layer}"
+        else:
+            rows.append([layer, *row])
+    head = ["layer, limit", *(TITLES[condition.name] for condition in conditions)]
     return table(head, rows) if rows else "The records name no layers."
 
 
