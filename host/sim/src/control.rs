@@ -9,12 +9,12 @@ use std::f64::consts::FRAC_PI_2;
 
 use fleetyard_world::Pose;
 
-use crate::chunk::{Chunk, Span, Tracks, fraction, interpolate};
+use crate::chunk::Chunk;
 use crate::gate::Routes;
 use crate::motion::{Model, State, Target, stopping_speed, wrap};
 use crate::noise::Noise;
 use crate::route::Place;
-use crate::solved::UNLIMITED;
+use crate::track::{Span, Tracks, fraction, interpolate};
 
 /// The progress of a body along its route.
 #[derive(Debug, Clone, Copy)]
@@ -122,6 +122,10 @@ const CLOSE_M: f64 = 0.01;
 /// Arrival tolerance, in metres and radians, of bodies that are exact by themselves but can be
 /// pushed: what their drives leave.
 const EXACT: f64 = 0.001;
+
+/// Acceleration of bodies without limits, in m/s² and rad/s²: harder drives press robots
+/// into each other (docs/results/simulator.md).
+pub(crate) const UNLIMITED: f64 = 15.0;
 
 /// Deceleration in m/s² and rad/s² that bodies without limits plan with where contacts are
 /// solved: less than their drives have, whose work within a tick is not instant.

@@ -6,7 +6,7 @@
 use fleetyard_core::Digest;
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::chunk::{Chunk, Span, Tracking};
+use crate::chunk::{Chunk, Tracking};
 use crate::control::{Driver, Releases};
 use crate::error::SimError;
 use crate::event::{Change, Event, EventKind, Log, Other};
@@ -20,6 +20,7 @@ use crate::route::Reference;
 use crate::setup::Setup;
 use crate::solved::Solved;
 use crate::trace::{EventsDigest, Header, States, Summary, TraceSink};
+use crate::track::Span;
 
 /// Source of the agents' motion.
 pub(crate) enum Guide<'g> {

@@ -5,7 +5,7 @@
 
 use fleetyard_core::TrajectoryPlan;
 
-use crate::chunk::{CHUNK, Span};
+use crate::chunk::CHUNK;
 use crate::config::Policy;
 use crate::control::Releases;
 use crate::engine::{Engine, Guide};
@@ -14,6 +14,7 @@ use crate::gate::{Gates, Refined, Routes};
 use crate::outcome::Outcome;
 use crate::route::{Plan, Reference};
 use crate::trace::TraceSink;
+use crate::track::Span;
 
 /// The execution ends after this time without progress of any agent, in seconds.
 const STALL_S: f64 = 600.0;

@@ -8,10 +8,11 @@
 
 use fleetyard_world::Mover;
 
-use crate::chunk::{Chunk, Span};
+use crate::chunk::Chunk;
 use crate::config::SimConfig;
 use crate::event::{Change, EventKind, Other};
 use crate::route::{Place, Reference};
+use crate::track::Span;
 
 /// Makes tracks of bodies that follow their references through a block.
 #[derive(Debug, Clone, Copy)]

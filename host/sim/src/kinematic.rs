@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use fleetyard_world::{Inside, Pose, Relative, Shape, contacts_in_span};
 
-use crate::chunk::{CHUNK, Chunk, Span, Track};
+use crate::chunk::{CHUNK, Chunk};
 use crate::event::{Change, EventKind, Other};
+use crate::track::{Span, Track};
 use crate::workers::Workers;
 
 /// Number of pairs per piece of work.

@@ -84,6 +84,7 @@ mod simulator;
 mod solved;
 mod statics;
 pub mod trace;
+mod track;
 mod workers;
 
 pub use config::{Policy, SimConfig, Tier};

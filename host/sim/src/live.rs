@@ -6,7 +6,7 @@ use fleetyard_core::{Grid, Hasher, cell_center_m};
 use fleetyard_world::Pose;
 use rayon::ThreadPool;
 
-use crate::chunk::{CHUNK, Chunk, Span};
+use crate::chunk::{CHUNK, Chunk};
 use crate::config::{Policy, SimConfig};
 use crate::control::Releases;
 use crate::engine::{Engine, Guide};
@@ -18,6 +18,7 @@ use crate::outcome::{Approach, Outcome};
 use crate::route::Place;
 use crate::simulator::{Crowd, Simulator};
 use crate::trace::{Header, TraceSink};
+use crate::track::Span;
 use crate::workers::Workers;
 
 /// A robot's next move.

@@ -5,9 +5,9 @@ use fleetyard_world::{
     Bounds, BoxIndex, Inside, Polygon, Pose, Shape, Workspace, contacts_in_span,
 };
 
-use crate::chunk::{Span, Track};
 use crate::event::{Change, Other};
 use crate::statics::{Statics, report_union};
+use crate::track::{Span, Track};
 
 /// All static obstacles.
 #[derive(Debug)]

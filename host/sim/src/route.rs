@@ -8,8 +8,8 @@ use fleetyard_core::{Digest, Grid, GridPlan, TrajectoryPlan, cell_center_m};
 
 use fleetyard_world::Pose;
 
-use crate::chunk::{fraction, interpolate};
 use crate::gate::Routes;
+use crate::track::{fraction, interpolate};
 
 /// A plan to execute.
 #[derive(Debug, Clone, Copy)]

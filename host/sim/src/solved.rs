@@ -7,7 +7,7 @@ use fleetyard_world::{Pose, Workspace};
 use crate::chunk::{CHUNK, Chunk};
 use crate::config::SimConfig;
 use crate::contact::{Agent, ContactWorld, Drive, Mass, Material, Settings, Twist};
-use crate::control::Driver;
+use crate::control::{Driver, UNLIMITED};
 use crate::error::SimError;
 use crate::event::Change;
 use crate::kinematic::Shapes;
@@ -18,10 +18,6 @@ const DENSITY: f64 = 500.0;
 
 /// The sideways grip of wheels in m/s²: rubber on a dry floor.
 const GRIP: f64 = 6.0;
-
-/// Acceleration of bodies without limits, in m/s² and rad/s²: harder drives press robots
-/// into each other (docs/results/simulator.md).
-pub(crate) const UNLIMITED: f64 = 15.0;
 
 /// The bodies of an execution as a contact world.
 pub(crate) struct Solved {

@@ -2,8 +2,8 @@
 
 use fleetyard_core::Grid;
 
-use crate::chunk::{Span, Track};
 use crate::event::{Change, EventKind, Other};
+use crate::track::{Span, Track};
 use fleetyard_world::{Inside, Relative, Vector};
 
 /// The solid cells of a grid in the world frame.

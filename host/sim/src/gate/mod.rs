@@ -27,6 +27,7 @@
 //! actions are cut into pieces until an order exists, if need be without the
 //! margin: see [`DependencyGraph::routes`].
 
+mod build;
 mod cells;
 mod channel;
 mod error;
