@@ -19,6 +19,7 @@ mod origin;
 mod overlay;
 mod parameters;
 mod pin;
+mod representation;
 mod roadmap;
 mod swept;
 mod task;
@@ -33,6 +34,7 @@ pub use judge::{GridTerms, Judged, StepCosts, ViewVerdict};
 pub use origin::{Origin, VIEW_FORMAT};
 pub use overlay::{OverlayReport, OverlaySpec, OverlayView, roadmap_to_grid};
 pub use parameters::{BuilderKind, BuilderParameters, ViewName};
+pub use representation::Representation;
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
     given_roadmap, world_to_roadmap,
@@ -42,5 +44,5 @@ pub use task::{
     Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
     load_task, read_task, save_task, write_task,
 };
-pub use view::{Representation, VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
+pub use view::{VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
 pub use world::{WorldView, grid_to_world};

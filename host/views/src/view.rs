@@ -3,35 +3,18 @@
 use std::path::Path;
 
 use fleetyard_core::json::{self, read_object, with_hint};
-use fleetyard_core::{Connectivity, Digest, InputError, Separation, load_file, words};
+use fleetyard_core::{Connectivity, Digest, InputError, Separation, load_file};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer};
 
 use crate::origin::{WORLD_TO_GRID, WORLD_TO_ROADMAP};
 use crate::{
-    Builder, GridSpec, GridView, Problem, RoadmapSpec, RoadmapView, VIEW_FORMAT, world_to_grid,
-    world_to_roadmap,
+    Builder, GridSpec, GridView, Problem, Representation, RoadmapSpec, RoadmapView, VIEW_FORMAT,
+    world_to_grid, world_to_roadmap,
 };
 
 /// Largest view file that is read, in bytes.
 pub const VIEW_FILE_LIMIT: u64 = 1 << 28;
-
-/// The kind of a view.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Representation {
-    /// Cells, and moves in whole steps.
-    Grid,
-    /// Vertices in the plane, and straight edges between them.
-    Roadmap,
-    /// The world as it is.
-    Continuous,
-}
-
-words!(Representation {
-    Grid = "grid", "Cells, and moves in whole steps";
-    Roadmap = "roadmap", "Vertices in the plane, and straight edges between them";
-    Continuous = "continuous", "The plane as it is";
-});
 
 /// The operator that makes a view, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -16,6 +16,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bounds;
 mod canvas;
 mod controls;
 mod dynamics;
@@ -37,9 +38,11 @@ mod shape;
 mod spec;
 mod sweep;
 mod swept;
+mod vector;
 mod warehouse;
 mod workspace;
 
+pub use bounds::Bounds;
 pub use controls::{
     Bounded, CHORD_M, CHORD_RAD, ControlError, ControlExcess, ControlModel, Driven,
 };
@@ -48,7 +51,7 @@ pub use footprint::{Footprint, FootprintError};
 pub use geometry::{Inside, Relative};
 pub use index::{BoxIndex, Lists, Tiles};
 pub use maze::{Maze, MazeAlgorithm, MazeRandom, MazeSeeds, MazeSpec};
-pub use polygon::{Boundary, Bounds, Polygon, PolygonError};
+pub use polygon::{Boundary, Polygon, PolygonError};
 pub use pose::Pose;
 pub use python_random::PythonRandom;
 pub use random::SeededRandom;
@@ -56,10 +59,11 @@ pub use random_map::RandomSpec;
 pub use room::RoomSpec;
 pub use scenario::ScenarioSpec;
 pub use separation::{Placement, distance_m, separation_m};
-pub use shape::{Shape, Vector, common_radius_m};
+pub use shape::{Shape, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
 pub use sweep::{RESOLUTION_M, contacts_in_span};
 pub use swept::{SWEPT_SLACK, squared_distance, swept_shapes_meet};
+pub use vector::Vector;
 pub use warehouse::WarehouseSpec;
 pub use workspace::{
     Mover, WORLD_FILE_LIMIT, WORLD_FORMAT, Workspace, load_workspace, read_workspace,

@@ -17,6 +17,7 @@
 
 use nalgebra::{Isometry2, Translation2, UnitComplex};
 
+use crate::vector::{from_segment, least_along, length_and_direction, sides};
 use crate::{Pose, Shape, Vector};
 
 /// A pose whose heading has been turned into its cosine and sine, for callers
@@ -71,15 +72,6 @@ pub(crate) fn separate(a: &Shape, b: &Shape, at_b: &Placement) -> (f64, Vector) 
     }
 }
 
-fn length_and_direction(vector: Vector) -> (f64, Vector) {
-    let length = vector.norm();
-    if length > 0.0 {
-        (length, vector / length)
-    } else {
-        (0.0, Vector::x())
-    }
-}
-
 /// Distances that may be nothing but roundings.
 const ROUNDING_M: f64 = 1e-12;
 
@@ -112,33 +104,6 @@ fn from_point(polygon: &Shape, point: Vector) -> (f64, Vector) {
         // edge, and the way to it has no direction.
         inside
     }
-}
-
-/// The sides of a polygon.
-pub(crate) fn sides(vertices: &[Vector]) -> impl Iterator<Item = (Vector, Vector)> {
-    let next = vertices.iter().cycle().skip(1);
-    vertices.iter().copied().zip(next.copied())
-}
-
-/// From the point of a segment that is nearest to `point`, to it.
-pub(crate) fn from_segment(a: Vector, b: Vector, point: Vector) -> Vector {
-    let (along, to) = (b - a, point - a);
-    let (progress, length) = (along.dot(&to), along.norm_squared());
-    if progress <= 0.0 || length <= 0.0 {
-        to
-    } else if progress >= length {
-        point - b
-    } else {
-        to - along * (progress / length)
-    }
-}
-
-/// The least of the projections of points on a direction.
-pub(crate) fn least_along(points: &[Vector], direction: Vector) -> f64 {
-    points
-        .iter()
-        .map(|point| point.dot(&direction))
-        .fold(f64::INFINITY, f64::min)
 }
 
 fn between_polygons(a: &Shape, b: &Shape, at_b: &Placement) -> (f64, Vector) {

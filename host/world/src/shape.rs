@@ -1,11 +1,8 @@
 //! Shapes: discs and convex polygons, validated and ready for computing.
 
 use crate::enclosing::minimum_enclosing_circle;
-use crate::separation::{least_along, sides};
-use crate::{Bounds, Pose};
-
-/// A vector or a point of the plane, in metres.
-pub type Vector = nalgebra::Vector2<f64>;
+use crate::vector::{least_along, sides};
+use crate::{Bounds, Pose, Vector};
 
 /// A disc or a convex polygon around the centre of its minimum enclosing circle.
 ///

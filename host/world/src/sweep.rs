@@ -16,7 +16,8 @@
 //! vanishes between them.
 
 use crate::geometry::disc_crossing;
-use crate::separation::{each_axis, separate, separation_m, sides};
+use crate::separation::{each_axis, separate, separation_m};
+use crate::vector::sides;
 use crate::{Inside, Placement, Pose, Relative, Shape, Vector};
 
 /// Accuracy where a body turns: an overlap that is never deeper than the tolerance plus this may be
@@ -299,7 +300,7 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::Footprint;
-    use crate::separation::least_along;
+    use crate::vector::least_along;
 
     pub(crate) fn convex(vertices: &[[f64; 2]]) -> Shape {
         let vertices_m = vertices.to_vec();

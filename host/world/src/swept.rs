@@ -7,7 +7,7 @@
 //! by that much, contains the area; motions are halved until that says no, or is
 //! thin enough to say yes.
 
-use crate::separation::{from_segment, least_along, sides};
+use crate::vector::{from_segment, least_along, sides};
 use crate::{Placement, Pose, Shape, Vector};
 
 /// A yes for bodies that turn may mean a gap of up to this part of the sum of

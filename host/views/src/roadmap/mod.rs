@@ -5,20 +5,23 @@
 //! distances open. Here these are parameters of a [`RoadmapSpec`], and a [`RoadmapReport`] says what
 //! came of them.
 
+mod builder;
 mod connect;
 mod given;
+mod lattice;
 mod report;
 mod sample;
+mod sketch;
 mod tangent;
 
 use core::fmt;
 
-use fleetyard_core::{Digest, InputError, Roadmap, words};
+use fleetyard_core::{Digest, InputError, Roadmap};
 use fleetyard_world::Travel;
-use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 
+pub use builder::{Builder, ROADMAP_MOST_VERTICES, RoadmapSpec, Sampling};
 pub use given::given_roadmap;
 pub use report::RoadmapReport;
 pub(crate) use report::root;
@@ -26,162 +29,7 @@ pub(crate) use report::root;
 use crate::origin::WORLD_TO_ROADMAP;
 use crate::{Free, Origin, Problem, Representation, VIEW_FORMAT};
 use connect::nearest_visible;
-
-/// Most vertices of a roadmap that an operator makes.
-pub const ROADMAP_MOST_VERTICES: usize = 1 << 20;
-
-/// Origin of the vertices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Sampling {
-    /// Independent places, any equally likely.
-    #[default]
-    Uniform,
-    /// The Halton sequence of bases 2 and 3, shifted by the seed (Cranley and Patterson 1976): places
-    /// that fill space evenly.
-    Halton,
-}
-
-words!(Sampling {
-    Uniform = "uniform", "Independent places, any equally likely";
-    Halton = "halton", "A Halton sequence, which fills space evenly, shifted by the seed";
-});
-
-/// The construction of a roadmap.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Builder {
-    /// A probabilistic roadmap (Kavraki et al. 1996): drawn vertices, each with its nearest that it sees.
-    Prm {
-        /// The source of vertices.
-        sampling: Sampling,
-        /// Vertices beside starts and goals.
-        vertices: usize,
-        /// Neighbours that a vertex is joined with.
-        neighbors: usize,
-    },
-    /// PRM\* (Karaman and Frazzoli 2011): the same with ⌈e·(1 + 1/2)·ln n⌉ neighbours, by which
-    /// shortest paths converge to the optimum.
-    PrmStar {
-        /// The source of vertices.
-        sampling: Sampling,
-        /// Vertices beside starts and goals.
-        vertices: usize,
-    },
-    /// A square lattice with moves in 4, 8, 16 or 32 directions (2ᵏ neighbourhoods, Rivera et al. 2020).
-    Lattice {
-        /// Distance of neighbours in metres.
-        side_m: f64,
-        /// 4, 8, 16 or 32.
-        directions: u32,
-    },
-    /// The Delaunay triangulation of drawn vertices, starts and goals: short edges, none of which cross.
-    Delaunay {
-        /// The source of vertices.
-        sampling: Sampling,
-        /// Vertices beside starts and goals.
-        vertices: usize,
-    },
-    /// Corners of obstacles, widened by the robot's radius, and the straight lines that bend round them:
-    /// it has nearly shortest paths for one robot.
-    Tangent {
-        /// Sides of the polygon that stands for the circle round a corner, at least 4.
-        sides: u32,
-    },
-}
-
-/// Sizes of GRACE's three densities, which the paper does not publish.
-const PRESETS: [(&str, usize, usize); 3] = [("S", 160, 5), ("D", 900, 9), ("SD", 4000, 14)];
-
-impl Builder {
-    /// One of the presets `S`, `D` and `SD`: uniform roadmaps of 160, 900 and 4000 vertices with 5, 9 and
-    /// 14 neighbours.
-    pub fn preset(name: &str) -> Option<Self> {
-        let found = PRESETS.iter().find(|(known, ..)| *known == name)?;
-        let &(_, vertices, neighbors) = found;
-        let sampling = Sampling::Uniform;
-        Some(Self::Prm {
-            sampling,
-            vertices,
-            neighbors,
-        })
-    }
-
-    /// The names of the presets.
-    pub fn presets() -> impl Iterator<Item = &'static str> {
-        PRESETS.iter().map(|(name, ..)| *name)
-    }
-
-    fn check(&self) -> Result<(), String> {
-        let (vertices, least) = match *self {
-            Self::Prm {
-                vertices,
-                neighbors,
-                ..
-            } => (vertices, neighbors),
-            Self::PrmStar { vertices, .. } | Self::Delaunay { vertices, .. } => (vertices, 1),
-            Self::Lattice { side_m, directions } => {
-                if !(side_m.is_finite() && side_m > 0.0) {
-                    return Err(format!("a lattice with sides of {side_m} m"));
-                }
-                if ![4, 8, 16, 32].contains(&directions) {
-                    return Err(format!("a lattice with {directions} directions"));
-                }
-                (0, 1)
-            }
-            Self::Tangent { sides } => {
-                if !(4..=256).contains(&sides) {
-                    return Err(format!("circles of {sides} sides"));
-                }
-                (0, 1)
-            }
-        };
-        if vertices > ROADMAP_MOST_VERTICES {
-            return Err(format!(
-                "{vertices} vertices, more than {ROADMAP_MOST_VERTICES}"
-            ));
-        }
-        if least == 0 || least > 1024 {
-            return Err(format!("{least} neighbours"));
-        }
-        Ok(())
-    }
-}
-
-/// Parameters of a roadmap view.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RoadmapSpec {
-    /// The construction of vertices and edges.
-    pub builder: Builder,
-    /// Least distance of drawn vertices from each other and from starts and goals, in metres; 2·r_com if
-    /// not given. Where so many vertices find no room, the distance shrinks, and the report says to what.
-    pub spacing_m: Option<f64>,
-    /// Seed of the drawing; the task's if not given.
-    pub seed: Option<u64>,
-    /// The common speed ν in m/s; if not given, the largest that every robot has in every direction.
-    pub speed_m_per_s: Option<f64>,
-}
-
-impl RoadmapSpec {
-    /// A builder with the usual distance, seed and speed.
-    pub fn new(builder: Builder) -> Self {
-        Self {
-            builder,
-            spacing_m: None,
-            seed: None,
-            speed_m_per_s: None,
-        }
-    }
-
-    /// The distance of drawn vertices that is asked for of a problem, in metres.
-    pub(crate) fn spacing_m(&self, problem: &Problem) -> f64 {
-        self.spacing_m.unwrap_or(2.0 * problem.common_radius_m())
-    }
-
-    /// The seed by which a problem's roadmap is drawn.
-    pub(crate) fn seed(&self, problem: &Problem) -> u64 {
-        self.seed.unwrap_or(problem.task.seed)
-    }
-}
+use sketch::Sketch;
 
 /// A task on a roadmap.
 #[derive(Debug, Clone)]
@@ -231,13 +79,6 @@ impl RoadmapView {
         hasher.f64(self.speed_m_per_s);
         hasher.finish()
     }
-}
-
-/// Vertices and undirected edges while they are made.
-#[derive(Debug, Default)]
-struct Sketch {
-    at_m: Vec<[f64; 2]>,
-    edges: Vec<(u32, u32)>,
 }
 
 /// The roadmap of a problem's world, with starts and goals as vertices.
@@ -310,7 +151,7 @@ pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapV
                 .retain(|(from, to)| free.sweeps(at[*from as usize], at[*to as usize], radius_m));
         }
         Builder::Lattice { side_m, directions } => {
-            lattice(&mut sketch, &free, radius_m, side_m, directions).map_err(|reason| {
+            lattice::build(&mut sketch, &free, radius_m, side_m, directions).map_err(|reason| {
                 InputError::new(source, reason).hint("give the lattice longer sides")
             })?;
             let near = nearest_visible(&sketch.at_m, pinned, directions as usize, &free, radius_m);
@@ -464,87 +305,4 @@ fn triangulate(at_m: &[[f64; 2]]) -> Result<Vec<(u32, u32)>, String> {
         .map(|edge| edge.vertices().map(|vertex| vertex.fix().index() as u32))
         .map(|[from, to]| (from, to))
         .collect())
-}
-
-/// The directions of one quadrant, from (1, 0) on and without (0, 1): 1, 2, 4 or 8 of them. Each
-/// doubling puts the sum of two neighbours between them.
-fn quadrant(directions: u32) -> Vec<[i64; 2]> {
-    let mut fan = vec![[1, 0], [0, 1]];
-    while (fan.len() - 1) * 4 < directions as usize {
-        let between = fan.windows(2).flat_map(|pair| {
-            let [a, b] = [pair[0], pair[1]];
-            [a, [a[0] + b[0], a[1] + b[1]]]
-        });
-        fan = between.chain([[0, 1]]).collect();
-    }
-    fan.pop();
-    fan
-}
-
-fn lattice(
-    sketch: &mut Sketch,
-    free: &Free,
-    radius_m: f64,
-    side_m: f64,
-    directions: u32,
-) -> Result<(), String> {
-    let bounds = free.bounds();
-    let count = |axis: usize| {
-        let room = bounds.max[axis] - bounds.min[axis] - 2.0 * radius_m;
-        (room / side_m + 1e-9).floor() + 1.0
-    };
-    let (cols, rows) = (count(0), count(1));
-    if cols * rows > ROADMAP_MOST_VERTICES as f64 {
-        return Err(format!(
-            "the lattice has {cols} by {rows} places, more than {ROADMAP_MOST_VERTICES}"
-        ));
-    }
-    let (cols, rows) = (cols.max(0.0) as i64, rows.max(0.0) as i64);
-    let place = |col: i64, row: i64| {
-        let along = |axis: usize, number: i64| {
-            (bounds.min[axis] + radius_m + number as f64 * side_m).min(bounds.max[axis] - radius_m)
-        };
-        [along(0, col), along(1, row)]
-    };
-    let taken: std::collections::BTreeMap<[u64; 2], u32> = (0..)
-        .zip(&sketch.at_m)
-        .map(|(vertex, at)| (at.map(f64::to_bits), vertex))
-        .collect();
-    let mut vertex_of = vec![None; (cols * rows) as usize];
-    for row in 0..rows {
-        for col in 0..cols {
-            let at = place(col, row);
-            let slot = &mut vertex_of[(row * cols + col) as usize];
-            *slot = taken.get(&at.map(f64::to_bits)).copied();
-            if slot.is_none() && free.holds(at, radius_m) {
-                *slot = Some(sketch.at_m.len() as u32);
-                sketch.at_m.push(at);
-            }
-        }
-    }
-    // Half of all directions: the other half is the way back.
-    let quadrant = quadrant(directions);
-    let turned = quadrant.iter().map(|[x, y]| [-y, *x]);
-    let half: Vec<[i64; 2]> = quadrant.iter().copied().chain(turned).collect();
-    for row in 0..rows {
-        for col in 0..cols {
-            let Some(from) = vertex_of[(row * cols + col) as usize] else {
-                continue;
-            };
-            for [x, y] in &half {
-                let (col, row) = (col + x, row + y);
-                if !(0..cols).contains(&col) || !(0..rows).contains(&row) {
-                    continue;
-                }
-                let Some(to) = vertex_of[(row * cols + col) as usize] else {
-                    continue;
-                };
-                let [a, b] = [from, to].map(|vertex| sketch.at_m[vertex as usize]);
-                if free.sweeps(a, b, radius_m) {
-                    sketch.edges.push((from, to));
-                }
-            }
-        }
-    }
-    Ok(())
 }

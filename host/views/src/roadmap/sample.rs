@@ -3,7 +3,7 @@
 use fleetyard_world::SeededRandom;
 use rstar::RTree;
 
-use super::Sampling;
+use super::builder::Sampling;
 use crate::Free;
 
 /// Candidates in a row that are too near to others before the distance shrinks.

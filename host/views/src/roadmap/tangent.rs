@@ -8,7 +8,7 @@
 
 use fleetyard_world::Workspace;
 
-use super::Sketch;
+use super::sketch::Sketch;
 use crate::Free;
 
 /// Most vertices: pairs of them are tried.
