@@ -2,67 +2,21 @@
 
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{Descriptor, Kind, c};
-use fleetyard_runtime::{Attach, Fault, Introduction, Limits, PluginFile, Runtime};
+use fleetyard_abi::{Kind, c};
+use fleetyard_runtime::{Fault, Introduction, Limits, PluginFile, Runtime};
 use fleetyard_world::SeededRandom;
-use serde_json::{Map, Value};
 
 use crate::cases::Case;
-use crate::report::{CaseReport, Outcome};
-use crate::trial::{Stop, Trial};
-
-/// Time limits of plugins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Config {
-    /// For one call. A planner that claims `anytime` gets a tenth of it, since it
-    /// takes all that it gets; so does whoever is asked what cannot be solved.
-    pub budget: Duration,
-    /// For returning after the deadline.
-    pub grace: Duration,
-    /// For starting and introducing itself.
-    pub startup: Duration,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            budget: Duration::from_secs(5),
-            grace: Duration::from_secs(2),
-            startup: Duration::from_mins(1),
-        }
-    }
-}
-
-impl Config {
-    /// The part of the budget for those who take all of it.
-    pub(crate) fn slice(&self) -> Duration {
-        (self.budget / 10).max(Duration::from_millis(10))
-    }
-
-    /// Time that a plugin may take to end.
-    pub(crate) fn ending(&self) -> Duration {
-        self.grace.max(Limits::default().ending)
-    }
-}
-
-/// One plugin, and how it is attached and made.
-#[derive(Debug, Clone)]
-pub struct Subject {
-    /// The file that has it.
-    pub file: PluginFile,
-    /// The way of attaching it.
-    pub attach: Attach,
-    /// Its descriptor.
-    pub descriptor: Descriptor,
-    /// Options that it gets in every case.
-    pub options: Map<String, Value>,
-}
+use crate::report::{CaseReport, Outcome, milliseconds};
+use crate::stop::Stop;
+use crate::subject::{Config, Subject};
+use crate::trial::Trial;
 
 /// Runs cases.
 #[derive(Debug)]
 pub struct Kit {
-    pub(crate) runtime: Runtime,
-    pub(crate) config: Config,
+    runtime: Runtime,
+    config: Config,
 }
 
 impl Kit {
@@ -125,8 +79,10 @@ impl Kit {
     /// Runs one case.
     pub fn check(&self, subject: &Subject, case: &Case, seed: u64) -> CaseReport {
         let started = Instant::now();
-        let mut trial = Trial::new(self, subject, seed);
-        let ended = trial.needs(case).and_then(|()| (case.run)(&mut trial));
+        let mut trial = Trial::new(&self.runtime, self.config, subject, seed);
+        let ended = trial
+            .needs(case.kinds, case.needs)
+            .and_then(|()| (case.run)(&mut trial));
         let ended = ended.and_then(|()| trial.end());
         let (outcome, reason) = match ended {
             Ok(()) => (Outcome::Passed, None),
@@ -146,8 +102,4 @@ impl Kit {
             time_ms: milliseconds(started.elapsed()),
         }
     }
-}
-
-pub(crate) fn milliseconds(duration: Duration) -> f64 {
-    duration.as_secs_f64() * 1000.0
 }

@@ -20,9 +20,14 @@ mod judge;
 mod kit;
 mod question;
 mod report;
+mod representation;
+mod rules;
 mod scene;
+mod stop;
+mod subject;
 mod trial;
 
 pub use cases::{CASES, Case, UnknownCase, find};
-pub use kit::{Config, Kit, Subject};
+pub use kit::Kit;
 pub use report::{CaseReport, Outcome};
+pub use subject::{Config, Subject};

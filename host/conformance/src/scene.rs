@@ -3,6 +3,7 @@
 //! those on roadmaps and in the plane can be made.
 
 pub(crate) mod roadmap;
+pub(crate) mod robots;
 pub(crate) mod workspace;
 
 use std::collections::BTreeSet;
@@ -12,15 +13,16 @@ use std::sync::Arc;
 use fleetyard_abi::{
     FleetState, Heading, Instance, Motion, Objective, Plan, Request, Robot, SharedEnvironment, Task,
 };
-use fleetyard_core::{Connectivity, Grid, GridInstance, InputError};
+use fleetyard_core::{Connectivity, Grid, GridInstance};
 use fleetyard_world::SeededRandom;
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec,
 };
 
-use crate::judge::{self, Rules, other_form};
+use crate::judge;
 use crate::question::Question;
-use crate::trial::{Step, Stop};
+use crate::rules::{Rules, other_form};
+use crate::stop::{Step, Stop};
 
 const CELL_SIZE_M: f64 = 1.0;
 const STEP_S: f64 = 1.0;
@@ -148,7 +150,7 @@ impl Scene {
                 .position(|known| known.total_cmp(radius).is_eq())
         };
         let robot_of = self.radii_m.iter().filter_map(model);
-        let robots = radii.iter().map(|radius| workspace::disc(*radius));
+        let robots = radii.iter().map(|radius| robots::disc(*radius));
         (
             robots.collect(),
             robot_of.map(|model| model as u32).collect(),
@@ -452,12 +454,6 @@ impl Question for Scene {
             let _ = write!(text, "\n{from:6}   {to}");
         }
         text
-    }
-}
-
-impl From<InputError> for Stop {
-    fn from(error: InputError) -> Self {
-        Self::Failed(format!("the kit could not make its instance: {error}"))
     }
 }
 

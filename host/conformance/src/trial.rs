@@ -8,47 +8,18 @@ use fleetyard_abi::{
     Budget, Capability, Descriptor, FleetStatus, Kind, Knot, KnotPlan, Motion, Objective, Part,
     Plan, Request, SharedEnvironment, Status,
 };
-use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Session};
+use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Runtime, Session};
 use fleetyard_world::SeededRandom;
 use serde_json::{Map, Value};
 
-use crate::cases::Case;
-use crate::judge::{Arrival, Rules};
-use crate::kit::{Config, Kit, Subject, milliseconds};
-use crate::question::{Question, Representation};
-use crate::report::Outcome;
+use crate::question::Question;
+use crate::report::milliseconds;
+use crate::representation::Representation;
+use crate::rules::{Arrival, Rules};
 use crate::scene::Scene;
-use crate::scene::workspace::DYNAMICS;
-
-/// The reason why a case goes no further.
-#[derive(Debug)]
-pub(crate) enum Stop {
-    Failed(String),
-    Crashed(String),
-    Skipped(String),
-}
-
-pub(crate) type Step<T> = Result<T, Stop>;
-
-impl Stop {
-    pub(crate) fn parts(self) -> (Outcome, String) {
-        match self {
-            Self::Failed(reason) => (Outcome::Failed, reason),
-            Self::Crashed(reason) => (Outcome::Crashed, reason),
-            Self::Skipped(reason) => (Outcome::Skipped, reason),
-        }
-    }
-}
-
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        let reason = fault.to_string();
-        match fault {
-            Fault::Crashed { .. } | Fault::Exited { .. } => Self::Crashed(reason),
-            _ => Self::Failed(reason),
-        }
-    }
-}
+use crate::scene::robots::DYNAMICS;
+use crate::stop::{Step, Stop};
+use crate::subject::{Config, Subject};
 
 /// Knowledge of the kit about an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -183,7 +154,8 @@ fn same_plan(one: &Plan, other: &Plan) -> bool {
 
 /// One case in progress.
 pub(crate) struct Trial<'a> {
-    kit: &'a Kit,
+    runtime: &'a Runtime,
+    config: Config,
     pub(crate) subject: &'a Subject,
     pub(crate) seed: u64,
     warnings: Vec<String>,
@@ -201,9 +173,15 @@ pub(crate) struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    pub(crate) fn new(kit: &'a Kit, subject: &'a Subject, seed: u64) -> Self {
+    pub(crate) fn new(
+        runtime: &'a Runtime,
+        config: Config,
+        subject: &'a Subject,
+        seed: u64,
+    ) -> Self {
         Self {
-            kit,
+            runtime,
+            config,
             subject,
             seed,
             warnings: Vec::new(),
@@ -243,7 +221,7 @@ impl<'a> Trial<'a> {
     }
 
     pub(crate) fn config(&self) -> &Config {
-        &self.kit.config
+        &self.config
     }
 
     pub(crate) fn descriptor(&self) -> &'a Descriptor {
@@ -280,13 +258,13 @@ impl<'a> Trial<'a> {
         claimed.has(capability) || (nothing && common)
     }
 
-    /// Skips a case that is not for this plugin.
-    pub(crate) fn needs(&self, case: &Case) -> Step<()> {
+    /// Skips a case that is for plugins of other kinds, or of capabilities that this plugin does not claim.
+    pub(crate) fn needs(&self, kinds: &[Kind], capabilities: &[Capability]) -> Step<()> {
         let kind = self.kind();
-        if !case.kinds.contains(&kind) {
+        if !kinds.contains(&kind) {
             return Err(Stop::Skipped(format!("is not for a plugin of kind {kind}")));
         }
-        let missing = case.needs.iter().find(|needed| !self.claims(**needed));
+        let missing = capabilities.iter().find(|needed| !self.claims(**needed));
         match missing {
             Some(missing) => Err(Stop::Skipped(format!(
                 "the plugin does not claim `{}`",
@@ -357,10 +335,7 @@ impl<'a> Trial<'a> {
     pub(crate) fn open(&mut self) -> Step<Session> {
         match self.kept.take() {
             Some(session) => Ok(session),
-            None => Ok(self
-                .kit
-                .runtime
-                .open(&self.subject.file, self.subject.attach)?),
+            None => Ok(self.runtime.open(&self.subject.file, self.subject.attach)?),
         }
     }
 

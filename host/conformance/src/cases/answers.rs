@@ -8,7 +8,8 @@ use fleetyard_runtime::Closing;
 
 use crate::question::Question;
 use crate::scene::{Demand, Scene};
-use crate::trial::{Answer, Call, Expectation, Said, Step, Stop, Trial, invoke};
+use crate::stop::{Step, Stop};
+use crate::trial::{Answer, Call, Expectation, Said, Trial, invoke};
 
 /// Drawings of which the best plan is known: name, starts, goals, sum of costs.
 pub(crate) type Drawing = (
@@ -279,7 +280,8 @@ mod tests {
 
     use super::super::claims::ONE_WAY;
     use super::*;
-    use crate::judge::{self, Arrival};
+    use crate::judge;
+    use crate::rules::Arrival;
 
     /// Everybody's cell, and who has arrived for good.
     type State = (Vec<u32>, Vec<bool>);

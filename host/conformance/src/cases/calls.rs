@@ -6,10 +6,11 @@ use fleetyard_abi::{Capability, Kind};
 use fleetyard_runtime::{Fault, Session, Usage};
 
 use super::answers::{at_least, easy, small};
-use crate::kit::milliseconds;
 use crate::question::Question;
+use crate::report::milliseconds;
 use crate::scene::Scene;
-use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
+use crate::stop::{Step, Stop};
+use crate::trial::{Call, Expectation, Trial, same};
 
 pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
     let scene = easy(trial)?;

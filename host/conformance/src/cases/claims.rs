@@ -6,9 +6,10 @@ use serde_json::{Map, json};
 
 use super::answers::{CORRIDOR, CROSSING, Drawing, FOLLOWING, WALL, at_least, draw, impossible};
 use super::places::{two_bodies, two_dynamics, two_gaps};
-use crate::judge::Arrival;
+use crate::rules::Arrival;
 use crate::scene::{RADIUS_M, Scene};
-use crate::trial::{Call, Expectation, Step, Stop, Trial, same};
+use crate::stop::{Step, Stop};
+use crate::trial::{Call, Expectation, Trial, same};
 
 pub(crate) fn eight_connected(trial: &mut Trial<'_>) -> Step<()> {
     let mut random = trial.random();

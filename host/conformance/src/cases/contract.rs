@@ -10,8 +10,10 @@ use fleetyard_runtime::{Fault, Session};
 use serde_json::json;
 
 use super::answers::{CROSSING, ONE_CELL, draw, easy};
-use crate::question::{Question, Representation};
-use crate::trial::{Answer, Call, Expectation, Step, Stop, Trial, same};
+use crate::question::Question;
+use crate::representation::Representation;
+use crate::stop::{Step, Stop};
+use crate::trial::{Answer, Call, Expectation, Trial, same};
 
 /// A part that no plugin knows.
 fn part(critical: bool) -> Part {

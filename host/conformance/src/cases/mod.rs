@@ -9,7 +9,8 @@ mod start;
 
 use fleetyard_abi::{Capability, Kind};
 
-use crate::trial::{Step, Trial};
+use crate::stop::Step;
+use crate::trial::Trial;
 
 /// One check of a plugin.
 pub struct Case {

@@ -6,10 +6,12 @@ use fleetyard_abi::{Motion, Plan, Robot};
 
 use super::answers::{PASSING_BAY, draw};
 use super::claims::round_the_block;
-use crate::question::Representation;
+use crate::representation::Representation;
 use crate::scene::roadmap::{RoadmapScene, Sketch};
-use crate::scene::workspace::{WorkspaceScene, disc, moved_by, rectangle};
-use crate::trial::{Expectation, Step, Stop, Trial};
+use crate::scene::robots::{disc, moved_by, rectangle};
+use crate::scene::workspace::WorkspaceScene;
+use crate::stop::{Step, Stop};
+use crate::trial::{Expectation, Trial};
 
 /// Distance of centres in the sketches.
 const SEPARATION_M: f64 = 1.0;

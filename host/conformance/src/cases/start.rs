@@ -7,8 +7,9 @@ use fleetyard_runtime::{Fault, check_options};
 use serde_json::{Map, Value, json};
 
 use super::answers;
-use crate::kit::milliseconds;
-use crate::trial::{Call, Step, Stop, Trial};
+use crate::report::milliseconds;
+use crate::stop::{Step, Stop};
+use crate::trial::{Call, Trial};
 
 pub(crate) fn handshake(trial: &mut Trial<'_>) -> Step<()> {
     let session = trial.open()?;

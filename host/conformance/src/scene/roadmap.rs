@@ -9,9 +9,9 @@ use fleetyard_core::{Roadmap, RoadmapPlan, Visit};
 use fleetyard_world::Footprint;
 
 use super::{RADIUS_M, Scene, middle_m};
-use crate::judge::{Arrival, Rules, VIOLATIONS, other_form};
 use crate::question::Question;
-use crate::trial::Step;
+use crate::rules::{Arrival, Rules, VIOLATIONS, other_form};
+use crate::stop::Step;
 
 const SPEED_M_PER_S: f64 = 1.0;
 
