@@ -1,44 +1,18 @@
 //! Discovery of plugins: by path, on the plugin path, or linked in.
 
-use std::fmt;
-use std::fs;
-use std::io::Read;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use fleetyard_abi::{Descriptor, Kind};
-use fleetyard_core::{nearest, open_regular};
-use serde::Serialize;
+use fleetyard_core::nearest;
 
+use crate::folders::{Discovery, Origin};
 use crate::lock_file::Standing;
-use crate::plugin_file::{MANIFEST, PluginFile, is_manifest};
 use crate::sessions::session::Introduction;
-use crate::{Fault, Runtime};
-
-/// Origin of a plugin.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Origin {
-    /// Linked into the host.
-    BuiltIn,
-    /// A file that the user named.
-    Path,
-    /// A file in a folder of the plugin path.
-    Folder(PathBuf),
-}
-
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::BuiltIn => f.pad("built-in"),
-            Self::Path => f.pad("path"),
-            Self::Folder(folder) => folder.display().fmt(f),
-        }
-    }
-}
+use crate::{Fault, PluginFile, Runtime};
 
 /// One file of the plugin path and what it has, or why it was refused.
 #[derive(Debug, Clone)]
@@ -92,72 +66,7 @@ pub struct Found {
     pub shadowed: Vec<String>,
 }
 
-/// The search for plugins.
-#[derive(Debug, Clone)]
-pub struct Discovery {
-    /// Folders, first match first.
-    pub folders: Vec<PathBuf>,
-    /// The number of those that the user named, which must be there.
-    pub named: usize,
-}
-
 impl Discovery {
-    /// `FLEETYARD_PLUGIN_PATH`, the user's and the system's data folders, and
-    /// `plugins` next to the executable.
-    pub fn from_environment() -> Self {
-        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-        let mut folders: Vec<PathBuf> = Vec::new();
-        if let Some(path) = set("FLEETYARD_PLUGIN_PATH") {
-            let named = std::env::split_paths(&path);
-            folders.extend(named.filter(|folder| !folder.as_os_str().is_empty()));
-        }
-        let named = folders.len();
-        let home = set("HOME").map(PathBuf::from);
-        let data_home = set("XDG_DATA_HOME")
-            .map(PathBuf::from)
-            .or(home.map(|home| home.join(".local/share")));
-        let data = set("XDG_DATA_DIRS").unwrap_or_else(|| "/usr/local/share:/usr/share".into());
-        for folder in data_home.into_iter().chain(std::env::split_paths(&data)) {
-            folders.push(folder.join("fleetyard/plugins"));
-        }
-        if let Ok(executable) = std::env::current_exe() {
-            folders.extend(executable.parent().map(|folder| folder.join("plugins")));
-        }
-        Self { folders, named }
-    }
-
-    /// Folders that the user named and that cannot be searched, with the reason.
-    pub fn unreadable(&self) -> Vec<(PathBuf, String)> {
-        let named = self.folders.iter().take(self.named);
-        named
-            .filter_map(|folder| Some((folder.clone(), fs::read_dir(folder).err()?.to_string())))
-            .collect()
-    }
-
-    /// Files in the folders that may be plugins, in order of precedence. A folder that
-    /// is named twice counts once.
-    fn candidates(&self) -> Vec<(PluginFile, Origin)> {
-        let mut found = Vec::new();
-        let mut searched: Vec<PathBuf> = Vec::new();
-        for folder in &self.folders {
-            let Ok(real) = fs::canonicalize(folder) else {
-                continue;
-            };
-            if searched.contains(&real) {
-                continue;
-            }
-            searched.push(real);
-            let files = candidates_in(folder).into_iter();
-            found.extend(files.map(|file| (file, Origin::Folder(folder.clone()))));
-        }
-        found
-    }
-
-    /// The number of files in the folders that may be plugins.
-    pub fn count(&self) -> usize {
-        self.candidates().len()
-    }
-
     /// Every file and what it has, in order of precedence, the built-ins last. Runs
     /// each in a process of its own, several at a time, and nothing but its
     /// descriptors; what the lock does not allow is not run at all.
@@ -278,59 +187,6 @@ pub fn by_name(
         id: Some(name.to_owned()),
         shadowed: others.map(Discovered::place).collect(),
     })
-}
-
-/// The files of a folder that may be plugins, by name.
-pub(crate) fn candidates_in(folder: &Path) -> Vec<PluginFile> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    paths.sort();
-    paths.iter().filter_map(|path| candidate(path)).collect()
-}
-
-/// A file of a plugin folder that may be a plugin: what is no library, manifest or program is
-/// there for people.
-fn candidate(path: &Path) -> Option<PluginFile> {
-    let hidden = path.file_name()?.as_encoded_bytes().starts_with(b".");
-    // A folder within the folder has its own only where it says so.
-    let manifest = path.is_dir().then(|| path.join(MANIFEST));
-    let file = PluginFile::at(manifest.as_deref().unwrap_or(path)).ok();
-    let file = file.filter(|_| !hidden)?;
-    let may_be = match &file {
-        PluginFile::Adapter(manifest) => is_manifest(manifest),
-        PluginFile::Program(program, _) => is_program(program),
-        PluginFile::Library(_) | PluginFile::BuiltIn => true,
-    };
-    may_be.then_some(file)
-}
-
-/// True if the kernel could start a file: on many file systems everything is marked
-/// executable. Scripts in Python may also be started by name.
-fn is_program(path: &Path) -> bool {
-    let mut start = Vec::new();
-    let read = open_regular(path).map(|file| file.take(4).read_to_end(&mut start));
-    // One that cannot be read may be started all the same.
-    !matches!(read, Ok(Ok(_)))
-        || start.starts_with(b"\x7fELF")
-        || start.starts_with(b"#!")
-        || path.extension().is_some_and(|extension| extension == "py")
-}
-
-/// True if a folder is one where plugins are searched, and has several: then it is no
-/// plugin's own, and what else is there is not for each of them.
-pub(crate) fn holds_several(folder: &Path) -> bool {
-    let searched = Discovery::from_environment().folders;
-    let real = fs::canonicalize(folder).ok();
-    let is_searched = real.is_some_and(|real| {
-        let mut searched = searched
-            .iter()
-            .filter_map(|other| fs::canonicalize(other).ok());
-        searched.any(|other| other == real)
-    });
-    if !is_searched {
-        return false;
-    }
-    candidates_in(folder).len() > 1
 }
 
 fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {

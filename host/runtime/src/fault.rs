@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetyard_abi::Status;
 
-use crate::confinement::monitor::Limit;
+use crate::usage::Limit;
 
 /// A fault of a plugin; [`Fault::Host`] and [`Fault::Interrupted`] are not its doing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -139,6 +139,24 @@ impl Fault {
     pub(crate) fn host(what: impl std::fmt::Display, error: impl std::fmt::Display) -> Self {
         Self::Host {
             reason: format!("{what}: {error}"),
+        }
+    }
+
+    /// A breach of the protocol during a call.
+    pub(crate) fn protocol(during: &str, reason: impl Into<String>) -> Self {
+        Self::Protocol {
+            during: during.into(),
+            reason: reason.into(),
+        }
+    }
+
+    /// The fault that a plugin says itself, by its status.
+    pub(crate) fn reported(method: &str, status: Status, message: Option<String>) -> Self {
+        let message = message.unwrap_or_else(|| "it did not say why".into());
+        Self::Reported {
+            status,
+            during: method.into(),
+            message,
         }
     }
 

@@ -18,38 +18,51 @@
 // Loading libraries and supervising processes is what this crate is for.
 #![allow(unsafe_code)]
 
+mod code;
 mod confinement;
 mod discover;
 mod fault;
+mod folders;
 mod interrupt;
 mod lock_file;
 pub mod measure;
 mod options;
 mod plugin_file;
 mod sessions;
+mod usage;
 
-pub use confinement::monitor::{CallUsage, Limit, Source, Usage};
+pub use code::CodeFile;
 pub use confinement::promises::BrokenPromise;
+pub use confinement::sandbox;
 pub use confinement::sandbox::{
     Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Profile, SandboxReport,
 };
-pub use confinement::{sandbox, supervisor};
-pub use discover::{Discovered, Discovery, Found, Origin, by_name, by_path, first_with};
+pub use discover::{Discovered, Found, by_name, by_path, first_with};
 pub use fault::Fault;
+pub use folders::{Discovery, Origin};
 pub use interrupt::{interrupt_calls, interrupted_by, on_interrupt};
 pub use lock_file::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use options::{OptionError, check_options, parse_option};
-pub use plugin_file::{Attach, CodeFile, PluginFile};
+pub use plugin_file::{Attach, PluginFile};
 pub use sessions::annotated::Annotated;
-pub use sessions::attachment::Generated;
+pub use sessions::attachment::{Closing, Generated};
+pub use sessions::collector::Incumbent;
 pub use sessions::convert::{environment, environment_of, instance, plan_from_abi};
 pub use sessions::library::Library;
 pub use sessions::limits::Limits;
 pub use sessions::log::LogLine;
-pub use sessions::plan_run::{CallReport, HostTime, Incumbent, PlanRun, Termination};
+pub use sessions::plan_run::{CallReport, HostTime, PlanRun, Termination};
 pub use sessions::runtime::Runtime;
-pub use sessions::session::{Closing, Contract, Introduction, Session};
+pub use sessions::session::{Contract, Introduction, Session};
 pub use sessions::{adapter, bounds, message};
+pub use usage::{CallUsage, Limit, Source, Usage};
+
+/// Supervisors: processes that own the process tree of a plugin each.
+pub mod supervisor {
+    pub use crate::confinement::control::{ARGUMENT, Report};
+    pub use crate::confinement::target::Target;
+    pub use crate::sessions::worker::intercept;
+}
 
 /// The user that this process runs as.
 pub fn user() -> u32 {

@@ -14,8 +14,9 @@ use fleetyard_core::{InputError, read_file, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::Fault;
+use crate::code::CodeFile;
 use crate::confinement::sandbox::Hidden;
-use crate::plugin_file::{CodeFile, PluginFile};
+use crate::plugin_file::PluginFile;
 
 /// The name of a lock file in the folder where it applies.
 pub const LOCK_FILE: &str = "fleetyard.lock";

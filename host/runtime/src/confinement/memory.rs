@@ -12,8 +12,12 @@ use std::fs;
 
 use fleetyard_abi::monotonic_ns;
 
-use crate::confinement::monitor::{SHARE, SHARE_NEAR};
 use crate::confinement::process_tree::Census;
+
+/// Parts of a processor of which observing may take one: for a plugin that is far from its limits,
+/// and for one that comes near to one.
+pub(crate) const SHARE: u64 = 100;
+pub(crate) const SHARE_NEAR: u64 = 20;
 
 /// The least pause between two readings of proportional sets that no limit asks for.
 const SHARES_EVERY_NS: u64 = 100_000_000;

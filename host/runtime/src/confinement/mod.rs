@@ -1,8 +1,9 @@
 //! Confinement: plugins run in processes of their own, see and do what they are granted,
 //! and end at their limits.
 //!
-//! [`process`] is the host's end: it starts a [`supervisor`], which sets up the [`sandbox`]
-//! with a [`cgroup`] where the machine lets it, lets [`monitor`] watch what the plugin uses
+//! [`process`] is the host's end: it starts a [`supervisor`] for a [`target`], to which it speaks
+//! over a [`control`] socket. The supervisor sets up the [`sandbox`] with a [`cgroup`] where the
+//! machine lets it, starts a [`child`] in it, lets [`monitor`] watch what the plugin uses
 //! ([`memory`], [`process_tree`]), and ends everybody. [`state`] says which runs there are,
 //! so that the next host ends what a killed one left, and [`remove`] clears their scratch
 //! folders. [`promises`] holds for libraries in the host's own process, where nothing
@@ -10,6 +11,8 @@
 //! finds whether the allow list of system calls does harm on this machine.
 
 pub(crate) mod cgroup;
+pub(crate) mod child;
+pub(crate) mod control;
 pub(crate) mod memory;
 pub(crate) mod monitor;
 pub(crate) mod process;
@@ -20,5 +23,6 @@ pub(crate) mod remove;
 pub mod sandbox;
 pub(crate) mod selftest;
 pub(crate) mod state;
-pub mod supervisor;
+pub(crate) mod supervisor;
+pub(crate) mod target;
 pub(crate) mod transport;

@@ -17,14 +17,14 @@ use rustix::pipe::fcntl_setpipe_size;
 use rustix::time::Timespec;
 
 use crate::Fault;
-use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::control::{ARGUMENT, Message, Order, Report};
 use crate::confinement::sandbox::SandboxReport;
-use crate::confinement::sandbox::jail::Launch;
+use crate::confinement::sandbox::launch::Launch;
 use crate::confinement::state::{self, RUN};
-use crate::confinement::supervisor::{ARGUMENT, Message, Order, Report};
 use crate::confinement::transport::{Interest, Output, Transport};
 use crate::fault::signal_name;
 use crate::interrupt;
+use crate::usage::{CallLimits, CallUsage, Limit};
 
 /// The time that a supervisor may take to answer or to end everybody. It takes milliseconds;
 /// one that somebody has stopped takes for ever.
@@ -64,7 +64,7 @@ pub(crate) struct Process {
 
 impl Process {
     /// Starts what is to be launched under a supervisor; `executable` calls
-    /// [`intercept`](crate::confinement::supervisor::intercept) first of all.
+    /// [`intercept`](crate::supervisor::intercept) first of all.
     pub(crate) fn start(executable: &Path, launch: &Launch) -> Result<Self, Fault> {
         let spawn_fault = |error: &dyn std::fmt::Display| {
             Fault::host(format!("cannot start {}", executable.display()), error)

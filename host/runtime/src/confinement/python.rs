@@ -12,20 +12,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
-
 use crate::confinement::process::Process;
-use crate::confinement::sandbox::Grants;
-use crate::confinement::sandbox::jail::Launch;
+use crate::confinement::sandbox::launch::Launch;
+use crate::confinement::sandbox::{Grants, Python};
 use crate::confinement::transport::{Interest, Output, Transport};
-
-/// An interpreter and what it needs.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub(crate) struct Python {
-    pub(crate) executable: PathBuf,
-    /// The folders where it is installed and where it looks for modules.
-    pub(crate) read: Vec<PathBuf>,
-}
 
 /// The program that the interpreter runs.
 pub(crate) const QUESTION: &str = "import json, sys
@@ -37,13 +27,6 @@ const LONGEST: usize = 1 << 16;
 
 /// Most time for an answer: a script that looks for the interpreter starts others.
 const PATIENCE: Duration = Duration::from_secs(20);
-
-/// True if a program is called like an interpreter: `python3`, `python3.12`.
-pub(crate) fn is_python(program: &Path) -> bool {
-    let name = program.file_name().and_then(|name| name.to_str());
-    name.and_then(|name| name.strip_prefix("python"))
-        .is_some_and(|rest| rest.chars().all(|c| c.is_ascii_digit() || c == '.'))
-}
 
 /// Asks an interpreter, the first time that it is seen with these grants. `None` when it
 /// does not answer like one; it is then started as it is. `executable` becomes the
@@ -110,25 +93,12 @@ fn believe(answer: &[u8], grants: &Grants) -> Option<Python> {
 mod tests {
     use super::*;
     use crate::Policy;
-    use crate::confinement::supervisor::Target;
-
-    #[test]
-    fn interpreters_are_known_by_name() {
-        for (name, expected) in [
-            ("python", true),
-            ("/usr/bin/python3", true),
-            ("/opt/python3.12", true),
-            ("pythonw.sh", false),
-            ("/usr/bin/ruby", false),
-            ("/", false),
-        ] {
-            assert_eq!(is_python(Path::new(name)), expected, "{name}");
-        }
-    }
+    use crate::confinement::target::Target;
+    use crate::sessions::adapter::declared;
 
     #[test]
     fn an_answer_grants_nothing_that_was_not_granted_before() {
-        let grants = Grants::new(&Target::Nothing, &Policy::default(), 1, None).unwrap();
+        let grants = Grants::new(&Target::Nothing, &Policy::default(), 1, None, declared).unwrap();
         let claim = |executable: &str, read: &str| {
             let answer = format!("{{\"executable\": \"{executable}\", \"read\": [\"{read}\"]}}");
             believe(answer.as_bytes(), &grants).map(|python| python.read)

@@ -9,15 +9,17 @@ use std::io::Read;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::sync::OnceLock;
+use std::time::Duration;
 
 use fleetyard_core::{Hasher, write_atomically};
 
+use crate::Fault;
+use crate::confinement::control::Report;
 use crate::confinement::process::Process;
 use crate::confinement::sandbox::{Filter, Profile, find_program};
 use crate::confinement::state;
-use crate::confinement::supervisor::{Report, Target};
+use crate::confinement::target::Target;
 use crate::confinement::transport::Transport;
-use crate::sessions::runtime::Runtime;
 
 /// Interpreters by name, and what each is asked to do: threads, processes, files, pipes,
 /// timers, and what its numerical libraries do when they are loaded.
@@ -66,8 +68,13 @@ new Worker("require('worker_threads').parentPort.postMessage(1)", { eval: true }
 "#;
 
 /// The filter for `strict`, found out once in the life of this process, or by an earlier
-/// one with the same runtimes.
-pub(crate) fn strictest(runtime: &Runtime) -> Filter {
+/// one with the same runtimes. `try_worker` lets a worker introduce itself under a filter,
+/// `start` starts a program under one, which has `patience` to end.
+pub(crate) fn strictest(
+    try_worker: impl Fn(Filter) -> Result<(), Fault>,
+    start: impl Fn(Target, Filter) -> Result<Process, Fault>,
+    patience: Duration,
+) -> Filter {
     static FOUND: OnceLock<Filter> = OnceLock::new();
     let found = FOUND.get_or_init(|| {
         let passed = state::folder("allow-list").ok().zip(circumstances());
@@ -75,7 +82,7 @@ pub(crate) fn strictest(runtime: &Runtime) -> Filter {
         if passed.as_deref().is_some_and(Path::exists) {
             return Filter::of(Profile::AllowList);
         }
-        if let Err(reason) = try_all(runtime) {
+        if let Err(reason) = try_all(try_worker, start, patience) {
             // Not kept: what failed for want of time may pass the next time.
             return Filter {
                 profile: Profile::DenyList,
@@ -115,26 +122,27 @@ fn circumstances() -> Option<String> {
     Some(hasher.finish().to_string())
 }
 
-fn try_all(runtime: &Runtime) -> Result<(), String> {
-    runtime
-        .try_worker(Filter::of(Profile::AllowList))
-        .map_err(|fault| format!("a worker {fault}"))?;
+fn try_all(
+    try_worker: impl Fn(Filter) -> Result<(), Fault>,
+    start: impl Fn(Target, Filter) -> Result<Process, Fault>,
+    patience: Duration,
+) -> Result<(), String> {
+    try_worker(Filter::of(Profile::AllowList)).map_err(|fault| format!("a worker {fault}"))?;
     for (name, arguments) in INTERPRETERS {
         if find_program(name).is_none() {
             continue;
         }
         let words = [name].into_iter().chain(arguments.iter().copied());
         let target = Target::Program(words.map(str::to_owned).collect());
-        let process = runtime.start_filtered(target, Filter::of(Profile::AllowList));
+        let process = start(target, Filter::of(Profile::AllowList));
         let process = process.map_err(|fault| fault.to_string())?;
-        let patience = runtime.limits().startup;
         run(process, patience).map_err(|reason| format!("{name} {reason}"))?;
     }
     Ok(())
 }
 
 /// Waits for a program that ends by itself.
-fn run(mut process: Process, patience: std::time::Duration) -> Result<(), String> {
+fn run(mut process: Process, patience: Duration) -> Result<(), String> {
     let report = process.end(patience);
     let how = match report {
         Report { code: Some(0), .. } => return Ok(()),

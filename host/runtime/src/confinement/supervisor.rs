@@ -14,160 +14,39 @@
 
 use std::convert::Infallible;
 use std::io::{ErrorKind, Read, Write};
-use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
+use std::os::fd::{FromRawFd, OwnedFd, RawFd};
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
 
-use fleetyard_abi::wire::{self, Response};
-use fleetyard_abi::{c, monotonic_ns, serve};
-use fleetyard_core::Digest;
+use fleetyard_abi::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::time::Timespec;
-use serde::{Deserialize, Serialize};
 
-use crate::Fault;
 use crate::confinement::cgroup::{Cgroup, Places};
-use crate::confinement::monitor::{CallLimits, CallUsage, Limit, Monitor, Standing, Usage};
-use crate::confinement::sandbox;
-use crate::confinement::sandbox::jail::{
-    self, Ended, Jail, Launch, News, NotStarted, ScratchFolder,
-};
-use crate::confinement::sandbox::{Layer, SandboxReport, Victims};
+use crate::confinement::child::{FOR_THE_HOST, release_stdio};
+use crate::confinement::control::{ARGUMENT, Message, Order, Report};
+use crate::confinement::monitor::{Monitor, Standing};
+use crate::confinement::sandbox::jail::{self, Ended, Jail, News, NotStarted, ScratchFolder};
+use crate::confinement::sandbox::launch::Launch;
+use crate::confinement::sandbox::{self, Layer};
 use crate::confinement::state::{self, Registered};
+use crate::confinement::target::Target;
 use crate::measure::{affinity, pin};
-use crate::sessions::adapter::Adapter;
-use crate::sessions::library::Library;
+use crate::usage::Limit;
 
-/// First argument of a process that is a supervisor.
-pub const ARGUMENT: &str = "__supervise";
-
-/// Signals that a supervisor ignores.
-const FOR_THE_HOST: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
-
-/// The process that the supervisor starts.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Target {
-    /// A shared library, in a worker.
-    Library(PathBuf),
-    /// The plugins that are linked into the host, in a worker.
-    BuiltIn,
-    /// A program that speaks JSON over standard input and output.
-    Program(Vec<String>),
-    /// The solver that a manifest describes, started by a worker.
-    Adapter(PathBuf),
-    /// Nothing: to see which layers a machine grants.
-    Nothing,
-    /// Attempts at things that a plugin must not get done, by the host itself.
-    Attempts(Victims),
-}
-
-impl Target {
-    /// The plugin's file; of a program that is started by an interpreter, the script.
-    pub(crate) fn file(&self) -> Option<PathBuf> {
-        match self {
-            Self::BuiltIn | Self::Nothing | Self::Attempts(_) => None,
-            Self::Library(path) | Self::Adapter(path) => Some(path.clone()),
-            Self::Program(argv) => {
-                let named = argv.iter().take(2).find(|name| name.starts_with('/'));
-                named.map(PathBuf::from)
-            }
-        }
-    }
-}
-
-/// Orders of the host, after it has said what to start.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Order {
-    /// A call begins.
-    Begin {
-        limits: CallLimits,
-        /// The time for which the plugin may go on once it was told to stop.
-        grace_ns: u64,
-    },
-    /// It has ended: say what it used.
-    Finish,
-}
-
-/// Messages of the supervisor.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Message {
-    /// The plugin has been started, in this sandbox.
-    Started(SandboxReport),
-    /// The use of the call.
-    Used(CallUsage),
-    /// A limit is exceeded; the plugin has its grace to stop.
-    Over(Limit),
-    /// Nobody is left.
-    Ended(Box<Report>),
-}
-
-/// The supervisor's report at the end.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Report {
-    /// Exit code of the plugin's main process.
-    pub code: Option<i32>,
-    /// Signal that ended it.
-    pub signal: Option<i32>,
-    /// True if the plugin was stopped: by the host, or for a limit.
-    pub killed: bool,
-    /// The limit for which it was stopped, as far as the supervisor watches it.
-    pub over: Option<Limit>,
-    /// From the decision to stop it until nobody was left.
-    pub kill_us: Option<u64>,
-    /// The reason why the plugin could not be started.
-    pub start_error: Option<String>,
-    /// The reason why the supervisor could not do its work: somebody changed its limits, or ended
-    /// it or the sandbox's first process. The rest of its report is then worth nothing.
-    #[serde(default)]
-    pub disturbed: Option<String>,
-    /// Work for the plugin that the host, the supervisor or the inside of the sandbox could not do.
-    #[serde(default)]
-    pub host_error: Option<String>,
-    /// The use of the whole tree.
-    pub usage: Option<Usage>,
-    /// The use of the call in which it was stopped.
-    pub call: Option<CallUsage>,
-    /// Stands for the whole environment of the plugin.
-    pub environment: Option<Digest>,
-    /// The layers of its sandbox.
-    pub sandbox: SandboxReport,
-}
-
-impl Report {
-    /// The host could not do something before there was a plugin.
-    fn failed(what: &str, error: &dyn std::fmt::Display) -> Self {
-        Self {
-            host_error: Some(format!("{what}: {error}")),
-            ..Self::default()
-        }
-    }
-
-    /// Of a supervisor that could not do its work.
-    pub(crate) fn disturbed(reason: String) -> Self {
-        Self {
-            disturbed: Some(reason),
-            ..Self::default()
-        }
-    }
-}
-
-/// Call first in `main`: becomes a supervisor and never returns when the process
-/// was started as one. `built_in` are the entries that are linked in.
+/// Becomes a supervisor and never returns when the process was started as one;
+/// `become_plugin` makes a copy of it a worker.
 ///
 /// In every role a file that grows beyond what is allowed is an error to be reported, not
 /// the end of the process, until a plugin takes its place.
-pub fn intercept(built_in: &'static [&'static c::PluginEntry]) {
+pub(crate) fn intercept(become_plugin: &dyn Fn(&Target) -> Infallible) {
     // SAFETY: ignoring a signal has no precondition.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
     let mut arguments = std::env::args().skip(1);
     let role = arguments.next();
     if role.as_deref() == Some(sandbox::INSIDE_ARGUMENT) {
-        sandbox::enter_from_bwrap(arguments, &|target| worker(target, built_in));
+        sandbox::enter_from_bwrap(arguments, become_plugin);
     }
     if role.as_deref() != Some(ARGUMENT) {
         return;
@@ -181,7 +60,7 @@ pub fn intercept(built_in: &'static [&'static c::PluginEntry]) {
     let stream = UnixStream::from(unsafe { OwnedFd::from_raw_fd(control) });
     // Whatever else was left open by whoever started the host is not for plugins.
     close_from(3, control);
-    supervise(Control::new(stream), built_in)
+    supervise(Control::new(stream), become_plugin)
 }
 
 /// Closes all descriptors from a number on, but for one.
@@ -276,7 +155,7 @@ impl Control {
     }
 }
 
-fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry]) -> ! {
+fn supervise(mut control: Control, become_plugin: &dyn Fn(&Target) -> Infallible) -> ! {
     // SAFETY: a plain system call that makes orphans ours.
     let reaps = unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) } == 0;
     let reaps = reaps
@@ -296,7 +175,7 @@ fn supervise(mut control: Control, built_in: &'static [&'static c::PluginEntry])
     // Before anybody else is started.
     state::mark(&launch.run);
     let report = match reaps {
-        Ok(()) => run(&launch, &mut control, &allowed, built_in),
+        Ok(()) => run(&launch, &mut control, &allowed, become_plugin),
         Err(error) => Report::failed("orphans of a plugin cannot be found", &error),
     };
     // A host that is gone needs to hear nothing.
@@ -308,7 +187,7 @@ fn run(
     launch: &Launch,
     control: &mut Control,
     allowed: &Allowed,
-    built_in: &'static [&'static c::PluginEntry],
+    become_plugin: &dyn Fn(&Target) -> Infallible,
 ) -> Report {
     let no_scratch = |error| Report::failed("there is no scratch folder for it", &error);
     let places = Places::of(&launch.run);
@@ -328,8 +207,9 @@ fn run(
     if let Some(cpus) = &launch.cpus {
         let _ = pin(None, cpus);
     }
-    let become_plugin = || -> Infallible { worker(&launch.target, built_in) };
-    let started = jail::start(launch, scratch.path(), &places, &become_plugin);
+    let started = jail::start(launch, scratch.path(), &places, &|| {
+        become_plugin(&launch.target)
+    });
     if let (Ok(own), Some(_)) = (own, &launch.cpus) {
         let _ = pin(None, &own);
     }
@@ -542,90 +422,4 @@ fn failed(report: &mut Report, what: &str, error: &dyn std::fmt::Display) {
     report
         .host_error
         .get_or_insert_with(|| format!("{what}: {error}"));
-}
-
-/// Runs in the plugin's process before any of its code.
-pub(crate) fn child_setup() -> std::io::Result<()> {
-    // SAFETY: plain system calls on this process. Ignored and blocked signals would
-    // be inherited, and so would the host's terminal.
-    unsafe {
-        // Who may signal a group must not be in the host's.
-        if libc::setsid() < 0 {
-            return Err(std::io::Error::last_os_error());
-        }
-        for signal in FOR_THE_HOST.into_iter().chain([libc::SIGXFSZ]) {
-            libc::signal(signal, libc::SIG_DFL);
-        }
-        let mut none: libc::sigset_t = std::mem::zeroed();
-        libc::sigemptyset(&raw mut none);
-        libc::sigprocmask(libc::SIG_SETMASK, &raw const none, std::ptr::null_mut());
-    }
-    Ok(())
-}
-
-/// Becomes the worker: serves a library's plugins on private descriptors.
-fn worker(target: &Target, built_in: &'static [&'static c::PluginEntry]) -> ! {
-    let (input, output) = match serve::private_stdio() {
-        Ok(streams) => streams,
-        Err(error) => {
-            eprintln!("cannot set up the worker's streams: {error}");
-            std::process::exit(1);
-        }
-    };
-    let input = std::io::BufReader::with_capacity(1 << 16, input);
-    let gone = || std::process::exit(0);
-    let library = match target {
-        Target::Adapter(path) => {
-            match Adapter::open(path) {
-                Ok(adapter) => serve::serve(&adapter, input, output, gone),
-                Err(fault) => refuse(&fault, output),
-            }
-            std::process::exit(0)
-        }
-        Target::Library(path) => Library::open(path),
-        _ => Library::from_entries(built_in),
-    };
-    match library {
-        Ok(library) => {
-            serve::serve(&library, input, output, gone);
-            library.deinit();
-        }
-        Err(fault) => refuse(&fault, output),
-    }
-    std::process::exit(0)
-}
-
-/// Answers the host's first request, which is number 1, by a fault that explains
-/// itself.
-fn refuse(fault: &Fault, mut output: std::fs::File) {
-    let hint = fault
-        .hint()
-        .map(|hint| format!("\n{hint}"))
-        .unwrap_or_default();
-    let answer = Response::error(Some(1), wire::REFUSED, format!("{fault}{hint}"));
-    // A host that is gone needs no answer.
-    let _ = output.write_all(&wire::line(&answer));
-}
-
-/// The pipes belong to the plugin: without this the host would never see them
-/// close.
-pub(crate) fn release_stdio() {
-    match std::fs::OpenOptions::new()
-        .read(true)
-        .write(true)
-        .open(Path::new("/dev/null"))
-    {
-        Ok(null) => {
-            for descriptor in 0..3 {
-                // SAFETY: both descriptors are open.
-                unsafe { libc::dup2(null.as_raw_fd(), descriptor) };
-            }
-        }
-        Err(_) => {
-            for descriptor in 0..3 {
-                // SAFETY: nobody uses them from here on.
-                unsafe { libc::close(descriptor) };
-            }
-        }
-    }
 }

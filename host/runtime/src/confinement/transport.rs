@@ -6,9 +6,9 @@
 use std::io;
 use std::time::Duration;
 
-use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::control::Report;
 use crate::confinement::sandbox::SandboxReport;
-use crate::confinement::supervisor::Report;
+use crate::usage::{CallLimits, CallUsage, Limit};
 
 /// One of a plugin's two outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,14 +2,16 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment, Status};
+use fleetyard_abi::{Budget, FleetState, FleetStatus, Kind, Request, SharedEnvironment};
+use fleetyard_core::Digest;
 use serde_json::Value;
 
 use crate::Fault;
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
+use crate::sessions::log::LogLine;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun};
-use crate::sessions::session::Closing;
+use crate::usage::{Limit, Usage};
 
 /// A plugin's file that was started, by the way in which its plugins are called.
 ///
@@ -47,6 +49,34 @@ pub(super) trait Attachment {
     fn close(&mut self) -> Closing;
 }
 
+/// The last facts about a session, when it has ended.
+#[derive(Debug, Clone, Default)]
+pub struct Closing {
+    /// The use of the process tree; absent in process.
+    pub usage: Option<Usage>,
+    /// The plugin's fault after its last answer.
+    pub fault: Option<Fault>,
+    /// The end of what it wrote to standard error.
+    pub stderr: String,
+    /// The bytes of standard error that came before.
+    pub stderr_dropped: u64,
+    /// Its log.
+    pub log: Vec<LogLine>,
+    /// Lines on standard output that were no messages.
+    pub stray_lines: u64,
+    /// The layers of its sandbox; absent in process.
+    pub sandbox: Option<SandboxReport>,
+    /// The limit for which it was stopped, also after its last answer.
+    pub over: Option<Limit>,
+    /// From the decision to stop it until nobody was left, if it was stopped.
+    pub kill_latency: Option<Duration>,
+    /// Stands for the plugin's whole environment; absent in process.
+    pub environment: Option<Digest>,
+    /// The parts of the host's process that it did not leave as they were; none in a process of
+    /// its own.
+    pub broken_promises: Vec<BrokenPromise>,
+}
+
 /// The answer of an instance generator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Generated {
@@ -56,24 +86,7 @@ pub struct Generated {
     pub kept: Option<Vec<u8>>,
 }
 
-pub(super) fn protocol(during: &str, reason: impl Into<String>) -> Fault {
-    Fault::Protocol {
-        during: during.into(),
-        reason: reason.into(),
-    }
-}
-
-/// The fault that a plugin says itself, by its status.
-pub(super) fn reported(method: &str, status: Status, message: Option<String>) -> Fault {
-    let message = message.unwrap_or_else(|| "it did not say why".into());
-    Fault::Reported {
-        status,
-        during: method.into(),
-        message,
-    }
-}
-
 /// The fault for which a call gave no request although it succeeded.
 pub(super) fn no_request(method: &str) -> Fault {
-    protocol(method, "it claims success but submitted no request")
+    Fault::protocol(method, "it claims success but submitted no request")
 }

@@ -14,16 +14,16 @@ use fleetyard_abi::{Budget, LogLevel};
 use serde::Serialize;
 
 use crate::Fault;
-use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::control::Report;
 use crate::confinement::process::Process;
 use crate::confinement::sandbox::Level;
-use crate::confinement::supervisor::Report;
 use crate::confinement::transport::{Interest, Output, Transport};
 use crate::sessions::bounds::{LOG_BYTES, STDERR_BYTES};
 use crate::sessions::incoming::{Expected, Incoming, Part, Read, Whole};
 use crate::sessions::limits::Limits;
 use crate::sessions::log::Log;
 use crate::sessions::message::Message;
+use crate::usage::{CallLimits, CallUsage, Limit};
 
 /// The reads of a pipe before the rest is looked at again, so that a flood cannot
 /// hide it.

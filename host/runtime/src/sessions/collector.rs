@@ -18,7 +18,15 @@ use crate::sessions::bounds::{
 use crate::sessions::convert::plan_from_abi;
 use crate::sessions::log::Log;
 use crate::sessions::message::payload;
-use crate::sessions::plan_run::Incumbent;
+
+/// A plan and when it came.
+#[derive(Debug, Clone)]
+pub struct Incumbent {
+    /// From the start of the call to the arrival of the plan's last byte.
+    pub arrived: Duration,
+    /// The plan; absent when too many were submitted to keep them all.
+    pub plan: Option<Plan>,
+}
 
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {

@@ -10,17 +10,16 @@ use fleetyard_abi::{
 };
 use serde_json::Value;
 
-use crate::confinement::monitor::CallUsage;
 use crate::confinement::promises::{BrokenPromise, Promises};
 use crate::confinement::sandbox::SandboxReport;
 use crate::interrupt::interrupted_by;
-use crate::sessions::attachment::{Attachment, Generated, no_request, protocol, reported};
+use crate::sessions::attachment::{Attachment, Closing, Generated, no_request};
 use crate::sessions::bounds::LOG_BYTES;
 use crate::sessions::client::Deadline;
 use crate::sessions::collector::{Collected, Collector};
 use crate::sessions::log::Log;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
-use crate::sessions::session::Closing;
+use crate::usage::CallUsage;
 use crate::{Fault, Library};
 
 /// A library, and the plugin that was made of it.
@@ -210,9 +209,9 @@ impl Attachment for InProcess {
 fn to_fault(method: &str) -> impl Fn(Failure) -> Fault + '_ {
     move |failure| {
         if failure.broke_contract {
-            return protocol(method, failure.message);
+            return Fault::protocol(method, failure.message);
         }
-        reported(method, failure.status, Some(failure.message))
+        Fault::reported(method, failure.status, Some(failure.message))
     }
 }
 

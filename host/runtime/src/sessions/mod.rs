@@ -4,7 +4,7 @@
 //! through the trait of [`attachment`]: [`in_process`] for a shared library that is called
 //! directly, [`out_of_process`] for everything that runs under a supervisor. The latter
 //! speaks over [`client`], which reads [`incoming`] lines as [`message`]s within [`bounds`].
-//! At the other end, worker processes serve a shared library ([`library`]) or a
+//! At the other end, [`worker`] processes serve a shared library ([`library`]) or a
 //! command-line solver ([`adapter`]). [`plan_run`] is a call for a plan and its outcome,
 //! [`collector`] keeps its plans, [`annotated`] what it wants to show and [`log`] the plugin's log,
 //! whichever way they come;
@@ -30,3 +30,4 @@ pub(crate) mod plan_run;
 mod played;
 pub(crate) mod runtime;
 pub(crate) mod session;
+pub(crate) mod worker;

@@ -20,18 +20,17 @@ use serde_json::Value;
 use serde_json::value::{RawValue, to_raw_value};
 
 use crate::Fault;
-use crate::confinement::monitor::{CallLimits, CallUsage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::confinement::transport::Transport;
-use crate::sessions::attachment::{Attachment, Generated, no_request, protocol, reported};
+use crate::sessions::attachment::{Attachment, Closing, Generated, no_request};
 use crate::sessions::bounds::{INTRODUCTION_BYTES, MESSAGE_BYTES, PLAN_TEXT_BYTES, message_bytes};
 use crate::sessions::client::{Client, Deadline, Notice, Reply};
 use crate::sessions::collector::Collector;
 use crate::sessions::incoming::Expected;
 use crate::sessions::message;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
-use crate::sessions::session::Closing;
+use crate::usage::{CallLimits, CallUsage};
 
 /// A part of a request as text: something large is written before the clock of a call begins.
 fn write(method: &str, part: &impl Serialize) -> Result<Box<RawValue>, Fault> {
@@ -194,7 +193,7 @@ impl<T: Transport> Client<T> {
             }
             Ok(Outcome { status, message })
         };
-        read().map_err(|reason| self.condemn(method, protocol(method, reason)))
+        read().map_err(|reason| self.condemn(method, Fault::protocol(method, reason)))
     }
 }
 
@@ -317,7 +316,7 @@ pub(super) fn introduced(answer: &Reply) -> Result<InitializeResult, Fault> {
     let introduced: InitializeResult = read("initialize", answer)?;
     let version = introduced.protocol_version;
     if version != PROTOCOL_VERSION {
-        return Err(protocol(
+        return Err(Fault::protocol(
             "initialize",
             format!("it chose protocol {version}, which was not offered"),
         ));
@@ -326,7 +325,7 @@ pub(super) fn introduced(answer: &Reply) -> Result<InitializeResult, Fault> {
 }
 
 fn read<T: DeserializeOwned>(method: &str, answer: &Reply) -> Result<T, Fault> {
-    result(method, &answer.result).map_err(|reason| protocol(method, reason))
+    result(method, &answer.result).map_err(|reason| Fault::protocol(method, reason))
 }
 
 fn result<'a, T: Deserialize<'a>>(method: &str, answer: &'a str) -> Result<T, String> {
@@ -353,6 +352,6 @@ fn nothing_but_figures(notice: Notice<'_>) -> Result<(), String> {
 fn succeeded(method: &str, outcome: Outcome) -> Result<(), Fault> {
     match outcome.status {
         Status::Solved => Ok(()),
-        status => Err(reported(method, status, outcome.message)),
+        status => Err(Fault::reported(method, status, outcome.message)),
     }
 }

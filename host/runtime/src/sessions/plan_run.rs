@@ -10,22 +10,12 @@ use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
 use crate::Fault;
-use crate::confinement::monitor::{CallUsage, Limit};
 use crate::interrupt::Interruptible;
 use crate::sessions::annotated::Annotated;
-use crate::sessions::attachment::{protocol, reported};
 use crate::sessions::bounds::plan_cells;
-use crate::sessions::collector::{Collected, Collector};
+use crate::sessions::collector::{Collected, Collector, Incumbent};
 use crate::sessions::log::Log;
-
-/// A plan and when it came.
-#[derive(Debug, Clone)]
-pub struct Incumbent {
-    /// From the start of the call to the arrival of the plan's last byte.
-    pub arrived: Duration,
-    /// The plan; absent when too many were submitted to keep them all.
-    pub plan: Option<Plan>,
-}
+use crate::usage::{CallUsage, Limit};
 
 /// The end of a run, whatever the planner claims and the validator finds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -257,7 +247,7 @@ impl<'a> PlanCall<'a> {
     /// The context in which plans are read and written; a fault without a map.
     pub(super) fn context(&self) -> Result<PlanContext<'a>, Fault> {
         let Some(environment) = self.environment else {
-            return Err(reported(self.method(), Status::InvalidInput, None));
+            return Err(Fault::reported(self.method(), Status::InvalidInput, None));
         };
         let most = plan_cells(self.instance, self.places());
         Ok(PlanContext::new(environment, self.instance, most))
@@ -366,10 +356,11 @@ impl Ended {
         // that claims success all the same is late, not silent.
         let silent = incumbents.is_empty() && late == 0 && !self.overdue;
         let called = called.and_then(|outcome| match fault {
-            Some(reason) => Err(protocol(method, reason)),
-            None if silent && outcome.status == Status::Solved => {
-                Err(protocol(method, "it claims `solved` but submitted no plan"))
-            }
+            Some(reason) => Err(Fault::protocol(method, reason)),
+            None if silent && outcome.status == Status::Solved => Err(Fault::protocol(
+                method,
+                "it claims `solved` but submitted no plan",
+            )),
             None => Ok(outcome),
         });
         let mut run = PlanRun {
@@ -406,7 +397,7 @@ impl Ended {
                     status,
                     Status::Unsupported | Status::InvalidInput | Status::InternalError
                 )
-                .then(|| reported(method, status, run.message.clone()))
+                .then(|| Fault::reported(method, status, run.message.clone()))
             }
             Err(fault) => {
                 run.stopped = fault.is_stop();

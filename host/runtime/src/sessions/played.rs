@@ -25,10 +25,10 @@ use super::client::{Client, Deadline};
 use super::limits::Limits;
 use super::plan_run::{PlanCall, Solver, Termination};
 use crate::Fault;
-use crate::confinement::monitor::{CallLimits, CallUsage, Limit};
+use crate::confinement::control::Report;
 use crate::confinement::sandbox::SandboxReport;
-use crate::confinement::supervisor::Report;
 use crate::confinement::transport::{Interest, Output, Transport};
+use crate::usage::{CallLimits, CallUsage, Limit};
 
 const MS: u64 = 1_000_000;
 

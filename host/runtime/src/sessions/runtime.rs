@@ -11,14 +11,14 @@ use fleetyard_abi::{c, monotonic_ns};
 
 use crate::confinement::process::Process;
 use crate::confinement::promises::Promises;
-use crate::confinement::sandbox::jail::Launch;
+use crate::confinement::sandbox::launch::Launch;
 use crate::confinement::sandbox::{
     self, Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets,
 };
-use crate::confinement::supervisor::Target;
+use crate::confinement::target::Target;
 use crate::confinement::transport::Transport;
 use crate::confinement::{python, selftest, state};
-use crate::sessions::adapter::FORMAT;
+use crate::sessions::adapter::{FORMAT, declared};
 use crate::sessions::client::Client;
 use crate::sessions::in_process::InProcess;
 use crate::sessions::limits::Limits;
@@ -35,7 +35,7 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// For a program that calls [`intercept`](crate::confinement::supervisor::intercept) with
+    /// For a program that calls [`intercept`](crate::supervisor::intercept) with
     /// the same entries first of all.
     pub fn new(
         built_in: &'static [&'static c::PluginEntry],
@@ -129,7 +129,11 @@ impl Runtime {
         let limits = &self.limits;
         let policy = &limits.policy;
         let filter = match policy.level {
-            Level::Strict => selftest::strictest(self),
+            Level::Strict => selftest::strictest(
+                |filter| self.try_worker(filter),
+                |target, filter| self.start_filtered(target, filter),
+                limits.startup,
+            ),
             Level::Auto | Level::None => Filter::of(Profile::DenyList),
         };
         let launched = |target: Target, grants: Grants| {
@@ -144,7 +148,7 @@ impl Runtime {
             Ok(python::ask(&self.executable, &launch))
         });
         let python = asked.transpose()?.flatten();
-        let grants = Grants::new(&target, policy, limits.threads, python.as_ref())?;
+        let grants = Grants::new(&target, policy, limits.threads, python.as_ref(), declared)?;
         Ok(launched(target, grants))
     }
 
@@ -181,18 +185,18 @@ impl Runtime {
 
     /// Starts something of this machine's under `strict` with a filter, and with nothing
     /// that was granted to plugins.
-    pub(crate) fn start_filtered(&self, target: Target, filter: Filter) -> Result<Process, Fault> {
+    fn start_filtered(&self, target: Target, filter: Filter) -> Result<Process, Fault> {
         let policy = Policy {
             level: Level::Strict,
             ..Policy::default()
         };
-        let grants = Grants::new(&target, &policy, self.limits.threads, None)?;
+        let grants = Grants::new(&target, &policy, self.limits.threads, None, declared)?;
         let launch = self.launch_granted(target, grants, policy, filter, 0);
         Process::start(&self.executable, &launch)
     }
 
     /// Lets a worker introduce itself under such a filter.
-    pub(crate) fn try_worker(&self, filter: Filter) -> Result<(), Fault> {
+    fn try_worker(&self, filter: Filter) -> Result<(), Fault> {
         let process = self.start_filtered(Target::BuiltIn, filter)?;
         let mut client = Client::new(process, self.limits.clone());
         client.introduce()?;
@@ -205,7 +209,7 @@ impl Runtime {
     /// Python interpreter are found when it is started.
     pub fn readable(&self, file: &PluginFile) -> Result<Vec<PathBuf>, Fault> {
         let limits = &self.limits;
-        let grants = Grants::new(&file.target(), &limits.policy, limits.threads, None)?;
+        let grants = Grants::new(&file.into(), &limits.policy, limits.threads, None, declared)?;
         Ok(grants.for_the_plugin())
     }
 
@@ -260,7 +264,7 @@ impl Runtime {
     }
 
     fn open_process(&self, file: &PluginFile) -> Result<Session, Fault> {
-        let launch = self.launch(file.target())?;
+        let launch = self.launch(file.into())?;
         let withheld = launch.grants.withheld.clone();
         let started = monotonic_ns();
         let process = Process::start(&self.executable, &launch)?;

@@ -6,46 +6,15 @@ use fleetyard_abi::{
     Budget, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
     SharedEnvironment,
 };
-use fleetyard_core::Digest;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::Fault;
-use crate::confinement::monitor::{Limit, Usage};
 use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::options::with_defaults;
-use crate::sessions::attachment::{Attachment, Generated};
-use crate::sessions::log::LogLine;
+use crate::sessions::attachment::{Attachment, Closing, Generated};
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Solver};
-
-/// The last facts about a session, when it has ended.
-#[derive(Debug, Clone, Default)]
-pub struct Closing {
-    /// The use of the process tree; absent in process.
-    pub usage: Option<Usage>,
-    /// The plugin's fault after its last answer.
-    pub fault: Option<Fault>,
-    /// The end of what it wrote to standard error.
-    pub stderr: String,
-    /// The bytes of standard error that came before.
-    pub stderr_dropped: u64,
-    /// Its log.
-    pub log: Vec<LogLine>,
-    /// Lines on standard output that were no messages.
-    pub stray_lines: u64,
-    /// The layers of its sandbox; absent in process.
-    pub sandbox: Option<SandboxReport>,
-    /// The limit for which it was stopped, also after its last answer.
-    pub over: Option<Limit>,
-    /// From the decision to stop it until nobody was left, if it was stopped.
-    pub kill_latency: Option<Duration>,
-    /// Stands for the plugin's whole environment; absent in process.
-    pub environment: Option<Digest>,
-    /// The parts of the host's process that it did not leave as they were; none in a process of
-    /// its own.
-    pub broken_promises: Vec<BrokenPromise>,
-}
 
 /// The contract that a plugin was built for, which is how it is spoken to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -15,11 +15,14 @@ use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 use super::Layer;
-use super::grants::find_program;
-use super::jail::{Launch, goes_first};
+use super::grants::{SCRATCH, find_program};
+use super::init::Inside;
+use super::launch::Launch;
 use super::lockdown::DEVICES;
-use super::root::{OF_KERNEL, SCRATCH, as_errno, not_for_plugins};
-use crate::confinement::supervisor::Target;
+use super::refusal::as_errno;
+use super::root::{OF_KERNEL, not_for_plugins};
+use crate::confinement::child::goes_first;
+use crate::confinement::target::Target;
 
 /// First argument of the host's own program inside of what `bwrap` made.
 pub(crate) const INSIDE_ARGUMENT: &str = "__inside";
@@ -29,11 +32,11 @@ const EXECUTABLE: &str = "/run/fleetyard";
 
 /// The arguments of the init on its command line.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Handed {
-    pub(super) launch: Launch,
-    pub(super) wanted: Vec<Layer>,
-    pub(super) link: RawFd,
-    pub(super) gate: RawFd,
+struct Handed {
+    launch: Launch,
+    wanted: Vec<Layer>,
+    link: RawFd,
+    gate: RawFd,
 }
 
 /// True if there is such a program.
@@ -146,7 +149,13 @@ pub(crate) fn enter(
         // They are not for the plugin, should it be a program.
         let _ = rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC);
     }
-    super::init::enter(&handed, &link, &gate, Path::new(SCRATCH), &|| {
-        become_plugin(&handed.launch.target)
-    })
+    let inside = Inside {
+        launch: &handed.launch,
+        wanted: &handed.wanted,
+        scratch: Path::new(SCRATCH),
+        link: &link,
+        gate: &gate,
+        become_user: None,
+    };
+    inside.run(None, &|| become_plugin(&handed.launch.target))
 }

@@ -28,24 +28,24 @@ use fleetyard_core::{Digest, Hasher};
 use serde::{Deserialize, Serialize};
 
 use super::Policy;
-use super::root::SCRATCH;
 use crate::Fault;
-use crate::confinement::python::{Python, is_python};
 use crate::confinement::state::RUN;
-use crate::confinement::supervisor::Target;
-use crate::sessions::adapter::Adapter;
+use crate::confinement::target::Target;
 
 pub(crate) use hidden::Hidden;
 use hidden::{Carved, Grant, both, tidy};
 use places::{
-    LOOKED_AT, closed_below, is_executable, is_open, is_open_from, is_too_wide, with_target,
+    LOOKED_AT, closed_below, home, is_executable, is_open, is_open_from, is_too_wide, with_target,
 };
 pub(crate) use places::{aside, own};
-pub(crate) use programs::{Interpreter, find_program, python};
+pub(crate) use programs::{Interpreter, Python, find_program, python};
 use programs::{
-    SEARCH_PATH, SOFTWARE, USER_BASE, base, home, host_path, interpreter, is_on_search_path,
+    SEARCH_PATH, SOFTWARE, USER_BASE, base, host_path, interpreter, is_on_search_path, is_python,
     prefix, python_prefix, software, user_base, user_sites,
 };
+
+/// The folder where the plugin may write.
+pub(super) const SCRATCH: &str = "/tmp";
 
 /// Folders and links at the root that hold programs and libraries.
 const SYSTEM: &[&str] = &[
@@ -116,14 +116,27 @@ pub(crate) struct Grants {
     pub(crate) withheld: Vec<PathBuf>,
 }
 
+/// A solver, and what a manifest says that it needs.
+#[derive(Debug)]
+pub(crate) struct Declared {
+    pub(crate) program: PathBuf,
+    /// True if the host's user says where the program is, rather than the manifest.
+    pub(crate) chosen_by_host: bool,
+    /// Paths to be read, besides the program and the manifest's folder.
+    pub(crate) read: Vec<PathBuf>,
+    /// Environment variables.
+    pub(crate) variables: Vec<String>,
+}
+
 impl Grants {
     /// For a plugin that is started from this environment; `python` is what its
-    /// interpreter said of itself.
+    /// interpreter said of itself, and `declared` reads manifests.
     pub(crate) fn new(
         target: &Target,
         policy: &Policy,
         threads: u32,
         python: Option<&Python>,
+        declared: impl Fn(&Path) -> Result<Declared, Fault>,
     ) -> Result<Self, Fault> {
         let mut gathered = Gathered::new(target, policy);
         let mut program = None;
@@ -132,20 +145,18 @@ impl Grants {
         match target {
             Target::BuiltIn | Target::Nothing | Target::Attempts(_) | Target::Library(_) => {}
             Target::Adapter(path) => {
-                let adapter = Adapter::open(path)?;
-                let solver = adapter.program();
-                if adapter.is_chosen_by_host() {
-                    gathered.place(solver);
+                let solver = declared(path)?;
+                if solver.chosen_by_host {
+                    gathered.place(&solver.program);
                 }
-                if let Some(interpreter) = interpreter(solver) {
+                if let Some(interpreter) = interpreter(&solver.program) {
                     gathered.installed(&interpreter.program, interpreter.searched);
                 }
-                gathered.installed(solver, adapter.is_chosen_by_host());
-                for path in adapter.readable() {
-                    gathered.declared(&path);
+                gathered.installed(&solver.program, solver.chosen_by_host);
+                for path in &solver.read {
+                    gathered.declared(path);
                 }
-                let names = adapter.variables();
-                variables = names.iter().map(ToString::to_string).collect();
+                variables = solver.variables;
             }
             Target::Program(argv) => {
                 let mut found = argv.first().and_then(|name| find_program(name));

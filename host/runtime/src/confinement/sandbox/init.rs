@@ -18,14 +18,17 @@ use rustix::process::{
 };
 use rustix::time::Timespec;
 
-use super::jail::Launch;
+use super::grants::SCRATCH;
+use super::launch::Launch;
 use super::lockdown::{Lockdown, drop_capabilities};
 use super::packets::{Ended, Packet, send};
-use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, SCRATCH, Trees, as_errno};
-use super::{Layer, Level, Refusal, attempts, bwrap};
+use super::refusal::as_errno;
+use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, Trees};
+use super::{Layer, Level, Refusal, attempts};
+use crate::confinement::child;
 use crate::confinement::process_tree::kill_descendants;
 use crate::confinement::state;
-use crate::confinement::supervisor::Target;
+use crate::confinement::target::Target;
 
 /// The knowledge of the init and of the plugin's process.
 pub(super) struct Inside<'a> {
@@ -145,25 +148,6 @@ fn become_mapped_user(of_root: bool) -> Result<(), Refusal> {
     ))
 }
 
-/// The init's life where `bwrap` made namespaces and tree.
-pub(super) fn enter(
-    handed: &bwrap::Handed,
-    link: &OwnedFd,
-    gate: &OwnedFd,
-    scratch: &Path,
-    become_plugin: &dyn Fn() -> std::convert::Infallible,
-) -> ! {
-    let inside = Inside {
-        launch: &handed.launch,
-        wanted: &handed.wanted,
-        scratch,
-        link,
-        gate,
-        become_user: None,
-    };
-    inside.run(None, become_plugin)
-}
-
 /// Starts the plugin's process and is its init from then on.
 fn start_plugin(
     inside: &Inside<'_>,
@@ -183,7 +167,7 @@ fn start_plugin(
         ),
         0 => plugin(inside, scratch, become_plugin),
         child => {
-            crate::confinement::supervisor::release_stdio();
+            child::release_stdio();
             // Everything is made; what is left needs no rights, but for ending processes of
             // another user where there is no namespace in which this one may.
             if inside.become_user.is_none() {
@@ -205,7 +189,7 @@ fn plugin(
 ) -> ! {
     let launch = inside.launch;
     let grants = &launch.grants;
-    if let Err(error) = crate::confinement::supervisor::child_setup() {
+    if let Err(error) = child::child_setup() {
         inside.give_up("making a session for the plugin", &error);
     }
     // Relative paths of a plugin mean its scratch folder.

@@ -26,50 +26,26 @@ use rustix::process::{
     set_dumpable_behavior,
 };
 use rustix::time::Timespec;
-use serde::{Deserialize, Serialize};
 
-use super::grants::Grants;
 use super::init::{Inside, counts_alone, reap_descendants};
+use super::launch::Launch;
 pub(crate) use super::packets::Ended;
 use super::packets::{Packet, receive};
-use super::root::{INSIDE_USER, Trees, as_errno, take_as_root};
+use super::refusal::{as_errno, errno_name};
+use super::root::{INSIDE_USER, Trees, take_as_root};
 use super::{
-    Backend, Filter, Keeper, Layer, LayerState, Level, LimitState, Policy, Refusal, Remark,
-    SandboxReport, bwrap, errno_name,
+    Backend, Keeper, Layer, LayerState, Level, LimitState, Refusal, Remark, SandboxReport, bwrap,
 };
 use crate::confinement::cgroup::{Cgroup, Places};
-use crate::confinement::monitor::Limit;
+use crate::confinement::child::{GOES_FIRST, goes_first};
 use crate::confinement::process_tree::View;
 use crate::confinement::remove::remove_tree;
 use crate::confinement::state;
-use crate::confinement::supervisor::Target;
-use crate::measure::Cpus;
+use crate::usage::Limit;
 
 /// Users of sandboxes when the host is root: one per supervisor, far from those
 /// that people and containers are given.
 const FIRST_USER: u32 = 0x7000_0000;
-
-/// The process that the host wants to be started.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Launch {
-    pub(crate) target: Target,
-    pub(crate) policy: Policy,
-    /// The filter of system calls.
-    pub(crate) filter: Filter,
-    /// For numerical libraries, which read it from the environment.
-    pub(crate) threads: u32,
-    /// The processors that the plugin may run on.
-    pub(crate) cpus: Option<Cpus>,
-    /// The memory limit until a call has one of its own; 0 for none.
-    pub(crate) memory_bytes: u64,
-    /// True if any of its calls has a limit of processor time.
-    pub(crate) cpu_is_limited: bool,
-    /// The paths that it may read, and its environment: found by the host, whose environment does
-    /// not come this far.
-    pub(crate) grants: Grants,
-    /// Stands for this run in the environment of all its processes.
-    pub(crate) run: String,
-}
 
 /// A plugin that was started.
 pub(crate) struct Jail {
@@ -644,16 +620,6 @@ impl Attempt<'_> {
             _proc: proc,
         }))
     }
-}
-
-/// The most that the kernel can be told in favour of ending a process.
-const GOES_FIRST: &[u8] = b"1000";
-
-/// Writes it, by nothing but system calls.
-pub(super) fn goes_first(file: &std::ffi::CStr) -> Result<(), Errno> {
-    let flags = OFlags::WRONLY | OFlags::CLOEXEC;
-    let file = rustix::fs::open(file, flags, Mode::empty())?;
-    rustix::io::write(&file, GOES_FIRST).map(|_| ())
 }
 
 /// The init while it is not known to have started; ended with the value.

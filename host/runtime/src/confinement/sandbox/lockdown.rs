@@ -10,7 +10,7 @@ use rustix::io::Errno;
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
 
-use super::root::as_errno;
+use super::refusal::as_errno;
 use super::{Layer, Profile, Refusal, Remark, syscalls};
 
 /// Rights that the plugin's process keeps; all others are given up.

@@ -14,12 +14,10 @@ use rustix::mount::{
     mount_change, move_mount, open_tree, unmount,
 };
 
-use super::grants::Grants;
+use super::grants::{Grants, SCRATCH};
 use super::lockdown::DEVICES;
+use super::refusal::as_errno;
 use super::{Layer, Refusal};
-
-/// The folder where the plugin may write.
-pub(super) const SCRATCH: &str = "/tmp";
 
 /// The user that the plugin is inside of a user namespace.
 pub(super) const INSIDE_USER: u32 = 1000;
@@ -417,10 +415,4 @@ fn take_descriptor(path: &str) -> Result<OwnedFd, Errno> {
 fn is_device(path: &Path) -> bool {
     use std::os::unix::fs::FileTypeExt;
     fs::metadata(path).is_ok_and(|meta| meta.file_type().is_char_device())
-}
-
-pub(super) fn as_errno(error: &std::io::Error) -> Errno {
-    error
-        .raw_os_error()
-        .map_or(Errno::IO, Errno::from_raw_os_error)
 }

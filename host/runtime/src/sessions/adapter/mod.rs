@@ -12,6 +12,7 @@
 //! [`fleetyard_core::formats`] reads answers, `process` runs programs.
 
 mod input;
+mod installed;
 mod manifest;
 mod problem;
 mod process;
@@ -21,7 +22,6 @@ mod template;
 mod tests;
 
 use std::env;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
@@ -30,12 +30,14 @@ use std::time::Instant;
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Catalog, Failure, Options, Sink};
 use fleetyard_abi::{Descriptor, Kind, LogLevel, Status};
-use fleetyard_core::{InputError, is_unseen, read_file};
+use fleetyard_core::is_unseen;
 
 pub(crate) use manifest::FORMAT;
 pub use manifest::{MANIFEST_LIMIT, Manifest};
 
+use crate::confinement::sandbox::Declared;
 use crate::{Fault, check_options};
+use installed::{Installed, install_hint};
 use manifest::{VersionArgument, VersionQuery};
 use process::{Captured, End, Outputs};
 use solver::Solver;
@@ -49,42 +51,26 @@ pub struct Adapter {
     version: OnceLock<Result<String, String>>,
 }
 
-/// A manifest, and where it and the solver are.
-#[derive(Debug)]
-struct Installed {
-    manifest: Manifest,
-    folder: PathBuf,
-    program: PathBuf,
-    /// True if the variable or the search path of the host's user says where that is,
-    /// rather than the manifest.
-    chosen_by_host: bool,
+/// The needs of the solver that the manifest at `path` describes.
+pub(crate) fn declared(path: &Path) -> Result<Declared, Fault> {
+    let adapter = Adapter::open(path)?;
+    Ok(Declared {
+        program: adapter.program().to_owned(),
+        chosen_by_host: adapter.is_chosen_by_host(),
+        read: adapter.readable(),
+        variables: adapter
+            .variables()
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
+    })
 }
 
 impl Adapter {
     /// Reads the manifest at `path` and finds its program. Starts nothing.
     pub fn open(path: &Path) -> Result<Self, Fault> {
-        let refused = |error: InputError| Fault::File {
-            reason: error.to_string(),
-            hint: error.hint,
-        };
-        let source = path.display().to_string();
-        let manifest = read_file(path, MANIFEST_LIMIT)
-            .and_then(|bytes| {
-                let text = String::from_utf8(bytes)
-                    .map_err(|_| InputError::new(source.as_str(), "the file is not UTF-8 text"))?;
-                Manifest::read(&text, &source)
-            })
-            .map_err(refused)?;
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let folder = absolute.parent().unwrap_or(Path::new("/")).to_owned();
-        let (program, chosen_by_host) = find_program(&manifest, &folder).map_err(refused)?;
         Ok(Self {
-            installed: Arc::new(Installed {
-                manifest,
-                folder,
-                program,
-                chosen_by_host,
-            }),
+            installed: Arc::new(Installed::open(path)?),
             version: OnceLock::new(),
         })
     }
@@ -182,73 +168,6 @@ impl Adapter {
         version
             .filter(|text| !text.is_empty() && !text.contains(is_unseen))
             .ok_or_else(|| format!("it {}, and the pattern found nothing", ended.end))
-    }
-}
-
-fn is_executable(path: &Path) -> bool {
-    path.metadata()
-        .is_ok_and(|meta| meta.is_file() && meta.permissions().mode() & 0o111 != 0)
-}
-
-/// The program of a manifest: where its variable says, else where its command says. And
-/// whether it was the host's user who said so.
-fn find_program(manifest: &Manifest, folder: &Path) -> Result<(PathBuf, bool), InputError> {
-    let program = &manifest.program;
-    let command = program.command.as_str();
-    let refused = |reason: String| {
-        let error = program.place.error(reason);
-        error.hint(install_hint(manifest))
-    };
-    let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
-    if let Some(name) = &program.variable
-        && let Some(value) = set(name)
-    {
-        let path = std::path::absolute(&value).unwrap_or_else(|_| value.into());
-        if is_executable(&path) {
-            return Ok((path, true));
-        }
-        let shown = path.display();
-        return Err(refused(format!("{name} is {shown}, which is no program")));
-    }
-    if command.contains('/') {
-        let path = folder.join(command);
-        let path = std::path::absolute(&path).unwrap_or(path);
-        if is_executable(&path) {
-            return Ok((path, false));
-        }
-        let wrong = if path.exists() {
-            "is no program that may be executed"
-        } else {
-            "does not exist"
-        };
-        return Err(refused(format!("{} {wrong}", path.display())));
-    }
-    let folders = set("PATH").unwrap_or_else(|| "/usr/local/bin:/usr/bin:/bin".into());
-    env::split_paths(&folders)
-        .filter(|folder| folder.is_absolute())
-        .map(|folder| folder.join(command))
-        .find(|path| is_executable(path))
-        .map(|path| (path, true))
-        .ok_or_else(|| {
-            let error = refused(format!("the program `{command}` is not on PATH"));
-            if folder.join(command).exists() {
-                return error.hint(format!("\"./{command}\" is the file beside the manifest"));
-            }
-            error
-        })
-}
-
-/// The way to get a program that is missing.
-fn install_hint(manifest: &Manifest) -> String {
-    let program = &manifest.program;
-    let get = match (&program.install, manifest.head.homepage.as_str()) {
-        (Some(text), _) => text.clone(),
-        (None, "") => "install it".to_owned(),
-        (None, homepage) => format!("get it from {homepage}"),
-    };
-    match &program.variable {
-        Some(name) => format!("{get}; {name} may name the program"),
-        None => get,
     }
 }
 

@@ -14,16 +14,15 @@ use fleetyard_abi::sdk::{Failure, Sink};
 use fleetyard_abi::{
     Budget, Capability, Instance, LogLevel, Part, Plan, SharedEnvironment, Status, monotonic_ns,
 };
-use fleetyard_core::InputError;
 use fleetyard_core::formats::{Format, PATHS_LIMIT};
 use regex::bytes::Regex;
 use serde_json::{Map, Value as Json};
 use tempfile::TempDir;
 
-use super::Installed;
 use super::input::{MAP_NAME, PROBLEM_NAME, ROADMAP_NAME, SCEN_NAME, TASK_NAME};
+use super::installed::Installed;
 use super::manifest::{Condition, Searched};
-use super::problem::{self, Problem, unsupported};
+use super::problem::{self, Problem, seed31, told, unsupported};
 use super::process::{self, Captured, End, Ended, Outputs};
 use super::template::Slot;
 
@@ -117,14 +116,6 @@ fn excerpt(line: &[u8]) -> String {
 
 fn internal(what: &str, error: impl std::fmt::Display) -> Failure {
     Failure::new(Status::InternalError, format!("{what}: {error}"))
-}
-
-/// An error in one line, its hint after it.
-pub(super) fn told(error: &InputError) -> String {
-    match &error.hint {
-        Some(hint) => format!("{error}; {hint}"),
-        None => error.to_string(),
-    }
 }
 
 /// The end of a solver as a claim; `None` when it solved the instance.
@@ -501,11 +492,6 @@ impl Planner for Solver {
         self.report_metrics(&left, sink);
         result
     }
-}
-
-/// A seed for solvers that read a C `int`.
-pub(super) fn seed31(seed: u64) -> u32 {
-    (seed & 0x7fff_ffff) as u32
 }
 
 fn submit(plan: &Plan, sink: &dyn Sink) -> Result<(), Failure> {

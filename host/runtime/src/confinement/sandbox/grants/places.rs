@@ -4,8 +4,7 @@ use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use super::programs::home;
-use crate::discover::holds_several;
+use crate::folders::holds_several;
 
 /// A path, and what it leads to if it is a link or below one.
 pub(super) fn with_target(path: &Path) -> Vec<PathBuf> {
@@ -141,6 +140,12 @@ pub(super) fn closed_below(path: &Path, most: usize) -> Option<Vec<PathBuf>> {
         }
     }
     Some(closed)
+}
+
+/// The home of the host's user.
+pub(super) fn home() -> Option<PathBuf> {
+    let home = std::env::var_os("HOME").filter(|home| !home.is_empty());
+    home.map(PathBuf::from).filter(|home| home.is_absolute())
 }
 
 /// Folders that hold other people's files, or all of a person's.

@@ -7,10 +7,10 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use fleetyard_core::open_regular;
+use serde::Deserialize;
 
-use super::places::{ENVIRONMENT, is_executable, is_file, is_too_wide};
-use crate::confinement::python::is_python;
-use crate::confinement::supervisor::Target;
+use super::places::{ENVIRONMENT, home, is_executable, is_file, is_too_wide};
+use crate::confinement::target::Target;
 
 /// The folders in which programs are searched.
 pub(super) const SEARCH_PATH: &str = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin";
@@ -80,11 +80,6 @@ pub(super) fn host_path() -> impl Iterator<Item = PathBuf> {
     let search = std::env::var_os("PATH").unwrap_or_else(|| SEARCH_PATH.into());
     let folders: Vec<PathBuf> = std::env::split_paths(&search).collect();
     folders.into_iter().filter(|folder| folder.is_absolute())
-}
-
-pub(super) fn home() -> Option<PathBuf> {
-    let home = std::env::var_os("HOME").filter(|home| !home.is_empty());
-    home.map(PathBuf::from).filter(|home| home.is_absolute())
 }
 
 /// Says where `pip install --user` installs, because the home is another one inside.
@@ -162,6 +157,21 @@ pub(crate) fn interpreter(script: &Path) -> Option<Interpreter> {
     find_program(name).map(|program| Interpreter { program, searched })
 }
 
+/// A Python interpreter and what it needs.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub(crate) struct Python {
+    pub(crate) executable: PathBuf,
+    /// The folders where it is installed and where it looks for modules.
+    pub(crate) read: Vec<PathBuf>,
+}
+
+/// True if a program is called like an interpreter: `python3`, `python3.12`.
+pub(super) fn is_python(program: &Path) -> bool {
+    let name = program.file_name().and_then(|name| name.to_str());
+    name.and_then(|name| name.strip_prefix("python"))
+        .is_some_and(|rest| rest.chars().all(|c| c.is_ascii_digit() || c == '.'))
+}
+
 /// The Python interpreter that a program is started by.
 pub(crate) fn python(target: &Target) -> Option<Interpreter> {
     let Target::Program(argv) = target else {
@@ -174,4 +184,23 @@ pub(crate) fn python(target: &Target) -> Option<Interpreter> {
         return Some(Interpreter { program, searched });
     }
     interpreter(&program).filter(|interpreter| is_python(&interpreter.program))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpreters_are_known_by_name() {
+        for (name, expected) in [
+            ("python", true),
+            ("/usr/bin/python3", true),
+            ("/opt/python3.12", true),
+            ("pythonw.sh", false),
+            ("/usr/bin/ruby", false),
+            ("/", false),
+        ] {
+            assert_eq!(is_python(Path::new(name)), expected, "{name}");
+        }
+    }
 }

@@ -2,6 +2,7 @@ use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
 
 use super::*;
+use crate::sessions::adapter::declared;
 
 fn granted(path: &str, owner: Option<u32>) -> Grant {
     Grant {
@@ -117,7 +118,7 @@ fn what_the_host_reads_and_writes_is_left_out_wherever_it_lies() {
         ..Policy::default()
     };
     let target = Target::Library(folder.path().join("planner.so"));
-    let grants = Grants::new(&target, &policy, 1, None).unwrap();
+    let grants = Grants::new(&target, &policy, 1, None, declared).unwrap();
     let granted = names(&grants, folder.path());
     assert_eq!(granted, ["data/weights", "libhelp.so", "planner.so"]);
     assert_eq!(grants.list.len(), 2);
@@ -129,7 +130,7 @@ fn what_is_closed_to_others_stays_closed_beside_a_plugin_that_is_not() {
     let folder = folder_with(&[("open.so", 0o644), ("closed.so", 0o600), ("mine", 0o644)]);
     let granted = |name: &str| {
         let target = Target::Library(folder.path().join(name));
-        let grants = Grants::new(&target, &Policy::default(), 1, None).unwrap();
+        let grants = Grants::new(&target, &Policy::default(), 1, None, declared).unwrap();
         let mut owners = grants.owners.keys();
         let owned = owners.any(|path| path.starts_with(folder.path()));
         (names(&grants, folder.path()), owned)
@@ -159,7 +160,7 @@ fn a_first_line_grants_nothing_but_what_others_may_read() {
         let line = format!("#!{}\n", path(named).display());
         fs::write(path("a/planner"), line).unwrap();
         let target = Target::Program(vec![path("a/planner").display().to_string()]);
-        let grants = Grants::new(&target, &Policy::default(), 1, None).unwrap();
+        let grants = Grants::new(&target, &Policy::default(), 1, None, declared).unwrap();
         (names(&grants, teams.path()), grants.withheld)
     };
     // No program, and so nothing at all; not its folder either.

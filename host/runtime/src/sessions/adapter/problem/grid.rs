@@ -13,8 +13,7 @@ use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write
 
 use super::super::input::{Agents, GridInput, Letters, MAP_NAME, Order, SCEN_NAME};
 use super::super::manifest::Manifest;
-use super::super::solver::{seed31, told};
-use super::{File, Problem, check_places, invalid, twice, unsupported};
+use super::terms::{File, Problem, check_places, invalid, seed31, told, twice, unsupported};
 
 /// A map with unit steps.
 pub(super) struct OnGrid {

@@ -12,7 +12,7 @@ use fleetyard_core::{InputError, MotionFile, read_motions};
 
 use super::super::input::{Limits, PROBLEM_NAME, ProblemInput, RobotType, Size};
 use super::super::manifest::{Manifest, Written};
-use super::{File, Problem, check_places, invalid, unsupported};
+use super::terms::{File, Problem, check_places, invalid, unsupported};
 
 /// Lower left and upper right corner of a box along the axes.
 type Corners = [[f64; 2]; 2];

@@ -21,7 +21,7 @@ use super::super::input::{
     PROBLEM_NAME, ROADMAP_NAME, RoadmapFiles, RoadmapInput, TASK_NAME, Unit,
 };
 use super::super::manifest::{Manifest, Written};
-use super::{File, Problem, check_places, invalid, twice, unsupported};
+use super::terms::{File, Problem, check_places, invalid, twice, unsupported};
 
 /// Distance from a vertex, in units of the solver, at which an answer is at it: many programs write six
 /// decimals.

@@ -1,0 +1,63 @@
+//! Signals, standard streams and standing of processes that a supervisor starts.
+
+use std::os::fd::AsRawFd;
+use std::path::Path;
+
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
+
+/// Signals that a supervisor ignores.
+pub(crate) const FOR_THE_HOST: [i32; 4] =
+    [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+
+/// The most that the kernel can be told in favour of ending a process.
+pub(crate) const GOES_FIRST: &[u8] = b"1000";
+
+/// Writes it, by nothing but system calls.
+pub(crate) fn goes_first(file: &std::ffi::CStr) -> Result<(), Errno> {
+    let flags = OFlags::WRONLY | OFlags::CLOEXEC;
+    let file = rustix::fs::open(file, flags, Mode::empty())?;
+    rustix::io::write(&file, GOES_FIRST).map(|_| ())
+}
+
+/// Runs in the plugin's process before any of its code.
+pub(crate) fn child_setup() -> std::io::Result<()> {
+    // SAFETY: plain system calls on this process. Ignored and blocked signals would
+    // be inherited, and so would the host's terminal.
+    unsafe {
+        // Who may signal a group must not be in the host's.
+        if libc::setsid() < 0 {
+            return Err(std::io::Error::last_os_error());
+        }
+        for signal in FOR_THE_HOST.into_iter().chain([libc::SIGXFSZ]) {
+            libc::signal(signal, libc::SIG_DFL);
+        }
+        let mut none: libc::sigset_t = std::mem::zeroed();
+        libc::sigemptyset(&raw mut none);
+        libc::sigprocmask(libc::SIG_SETMASK, &raw const none, std::ptr::null_mut());
+    }
+    Ok(())
+}
+
+/// The pipes belong to the plugin: without this the host would never see them
+/// close.
+pub(crate) fn release_stdio() {
+    match std::fs::OpenOptions::new()
+        .read(true)
+        .write(true)
+        .open(Path::new("/dev/null"))
+    {
+        Ok(null) => {
+            for descriptor in 0..3 {
+                // SAFETY: both descriptors are open.
+                unsafe { libc::dup2(null.as_raw_fd(), descriptor) };
+            }
+        }
+        Err(_) => {
+            for descriptor in 0..3 {
+                // SAFETY: nobody uses them from here on.
+                unsafe { libc::close(descriptor) };
+            }
+        }
+    }
+}
