@@ -1,4 +1,4 @@
-//! Time of a call in which nothing is done.
+//! Empty calls: calls in which nothing is done, and their time.
 //!
 //! The clock of rankings is the host's. Of calls of microseconds most of a round trip is
 //! transport, so that a suite may rank by the round trip less the empty one: that of the
@@ -12,9 +12,9 @@ use fleetyard_check::{PathRule, metrics};
 use fleetyard_core::{GridInstance, GridPlan, InputError};
 use fleetyard_runtime::Attach;
 use fleetyard_sim::{NoTrace, SimConfig};
-use serde::Serialize;
 use serde_json::json;
 
+use crate::correction::{Calibration, Correction, Sample};
 use crate::error::BenchError;
 use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::statistics::{quantile, sorted};
@@ -36,76 +36,33 @@ const LONGEST: u64 = 1 << 22;
 /// Most numbers of agents for which they are.
 const SIZES: usize = 16;
 
-/// The part of a round trip that is not the planner's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Correction {
-    /// The median of empty calls.
-    pub ms: f64,
-    /// Half of the range that holds nine of ten empty calls.
-    pub uncertainty_ms: f64,
-}
-
-/// Empty calls with answers of one length.
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    /// Of an answer.
-    cells: u64,
-    correction: Correction,
-}
-
-/// Empty calls, by attachment and number of agents, with short answers and with long ones.
-#[derive(Debug, Default)]
-pub(crate) struct Calibration {
-    samples: BTreeMap<(bool, usize), [Sample; 2]>,
-}
-
-impl Calibration {
-    /// Of a call with that many agents whose answer had that many cells.
-    pub(crate) fn of(&self, attach: Attach, agents: usize, cells: u64) -> Option<Correction> {
-        // A call with fewer agents is shorter, if anything.
-        let direct = attach == Attach::InProcess;
-        let known = self.samples.range((direct, 0)..=(direct, agents));
-        let (_, [short, long]) = known.last()?;
-        let beyond = cells.clamp(short.cells, long.cells) - short.cells;
-        let share = beyond as f64 / (long.cells - short.cells).max(1) as f64;
-        let rise = (long.correction.ms - short.correction.ms).max(0.0);
-        Some(Correction {
-            ms: short.correction.ms + share * rise,
-            uncertainty_ms: short
-                .correction
-                .uncertainty_ms
-                .max(long.correction.uncertainty_ms),
-        })
+/// Makes the empty calls for these instances.
+pub(crate) fn take(
+    host: &Host,
+    instances: &[SuiteInstance],
+    config: &SimConfig,
+    attachments: &[Attach],
+) -> Result<Calibration, BenchError> {
+    let mut sizes: BTreeMap<usize, &SuiteInstance> = BTreeMap::new();
+    for instance in instances {
+        sizes.entry(instance.agents()).or_insert(instance);
     }
-
-    /// Makes the empty calls for these instances.
-    pub(crate) fn take(
-        host: &Host,
-        instances: &[SuiteInstance],
-        config: &SimConfig,
-        attachments: &[Attach],
-    ) -> Result<Self, BenchError> {
-        let mut sizes: BTreeMap<usize, &SuiteInstance> = BTreeMap::new();
-        for instance in instances {
-            sizes.entry(instance.agents()).or_insert(instance);
+    let all: Vec<&SuiteInstance> = sizes.into_values().collect();
+    let chosen = all.len().min(SIZES);
+    let mut taken = Calibration::default();
+    for index in 0..chosen {
+        let instance = all[index * all.len() / chosen].grid_instance()?;
+        let agents = instance.agents().max(1);
+        let bound = metrics(&instance, &GridPlan::default(), config.cell_size_m);
+        let steps = (bound.lower_bound_steps / agents as u64).min(LONGEST / agents as u64);
+        for attach in attachments {
+            let sample = |steps| sample(host, &instance, config, *attach, steps);
+            let samples = [sample(0)?, sample(steps)?];
+            let direct = *attach == Attach::InProcess;
+            taken.samples.insert((direct, agents), samples);
         }
-        let all: Vec<&SuiteInstance> = sizes.into_values().collect();
-        let chosen = all.len().min(SIZES);
-        let mut taken = Self::default();
-        for index in 0..chosen {
-            let instance = all[index * all.len() / chosen].grid_instance()?;
-            let agents = instance.agents().max(1);
-            let bound = metrics(&instance, &GridPlan::default(), config.cell_size_m);
-            let steps = (bound.lower_bound_steps / agents as u64).min(LONGEST / agents as u64);
-            for attach in attachments {
-                let sample = |steps| sample(host, &instance, config, *attach, steps);
-                let samples = [sample(0)?, sample(steps)?];
-                let direct = *attach == Attach::InProcess;
-                taken.samples.insert((direct, agents), samples);
-            }
-        }
-        Ok(taken)
     }
+    Ok(taken)
 }
 
 /// Takes empty calls as trials are made, with answers in which everybody waits for `steps`.
@@ -169,34 +126,4 @@ fn sample(
             uncertainty_ms: (at(0.95) - at(0.05)) / 2.0,
         },
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_correction_grows_with_the_answer_up_to_what_was_taken() {
-        let sample = |cells: u64, ms: f64, uncertainty_ms: f64| Sample {
-            cells,
-            correction: Correction { ms, uncertainty_ms },
-        };
-        let mut taken = Calibration::default();
-        assert_eq!(taken.of(Attach::Worker, 1, 9), None);
-        let few = [sample(2, 1.0, 0.1), sample(102, 2.0, 0.2)];
-        taken.samples.insert((false, 2), few);
-        let many = [sample(50, 4.0, 0.5), sample(50, 3.0, 0.1)];
-        taken.samples.insert((false, 50), many);
-        let of = |attach, agents, cells| {
-            let found: Option<Correction> = taken.of(attach, agents, cells);
-            found.map(|found| (found.ms, found.uncertainty_ms))
-        };
-        assert_eq!(of(Attach::Worker, 2, 0), Some((1.0, 0.2)));
-        assert_eq!(of(Attach::Stdio, 2, 52), Some((1.5, 0.2)));
-        assert_eq!(of(Attach::Command, 49, 5000), Some((2.0, 0.2)));
-        assert_eq!(of(Attach::Worker, 70, 5000), Some((4.0, 0.5)));
-        // Nothing smaller was taken, and nothing in process.
-        assert_eq!(of(Attach::Worker, 1, 9), None);
-        assert_eq!(of(Attach::InProcess, 2, 9), None);
-    }
 }

@@ -14,18 +14,19 @@ use fleetyard_views::Representation;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use crate::calibration;
 use crate::error::BenchError;
 use crate::fleet::{FleetModules, blamed};
 use crate::kept;
 use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
 use crate::plugin::{GivenOptions, Plugin, Running, representations};
-use crate::record::{self, Ending, Record};
+use crate::record::{self, Ending, Record, milliseconds};
 use crate::row::{Incumbent, Row};
 use crate::suite::{
     Clock, MazeOrigin, Origin, PlannerSetup, Question, Reuse, Suite, SuiteInstance,
 };
-use crate::trial::{Host, Outcome, Trial, milliseconds};
+use crate::trial::{Host, Outcome, Trial};
 use crate::trial_error::TrialError;
 
 /// A suite with its planners and instances.
@@ -93,7 +94,7 @@ impl<'s> Experiment<'s> {
                 all if all == suite.planners.len() => &[Attach::InProcess],
                 _ => &[Attach::Worker, Attach::InProcess],
             };
-            host.calibrate(&instances, &suite.config, attachments)?;
+            host.calibration = calibration::take(&host, &instances, &suite.config, attachments)?;
         }
         let names = suite.planners.iter().map(|planner| planner.plugin.as_str());
         let discovery = Discovery::from_environment();

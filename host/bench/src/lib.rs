@@ -6,9 +6,11 @@ pub mod bundle;
 mod calibration;
 mod changes;
 pub mod claims;
+mod correction;
 mod error;
 mod estimate;
 pub mod evaluate;
+mod execution;
 mod experiment;
 pub mod export;
 mod failure;
@@ -19,6 +21,7 @@ mod options;
 mod places;
 mod plan;
 mod plugin;
+mod quantity;
 mod record;
 pub mod report;
 mod row;
@@ -32,10 +35,11 @@ mod trial_error;
 mod trial_instance;
 mod verify;
 
-pub use calibration::Correction;
 pub use changes::changes;
+pub use correction::Correction;
 pub use error::BenchError;
 pub use estimate::{Estimate, Left, rough};
+pub use execution::execute;
 pub use experiment::{Experiment, Pin, Planner, now_unix_ms};
 pub use fleet::start_modules;
 pub use manifest::{Counts, Manifest};
@@ -45,12 +49,12 @@ pub use plan::{Planned, Schedule, Shard, Step};
 pub use plugin::{GivenOptions, Plugin, Running, representations};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
-    PlannerInfo, Record, VerdictInfo, number,
+    PlannerInfo, Record, VerdictInfo, milliseconds, number,
 };
 pub use row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 pub use run::{Progress, Ran, run};
 pub use store::{Asked, KeptPlan, Merged, Meta, SharedStore, Store, schema};
-pub use trial::{Host, Outcome, Trial, execute, milliseconds};
+pub use trial::{Host, Outcome, Trial};
 pub use trial_error::TrialError;
 pub use trial_instance::TrialInstance;
 pub use verify::{Difference, Verified, What, verify};

@@ -12,7 +12,7 @@ use fleetyard_world::Footprint;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::suite::settings::{duration, size};
+use crate::quantity::{duration, size};
 
 /// The budget of every call of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

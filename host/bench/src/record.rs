@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::time::Duration;
 
 use fleetyard_abi::Status;
 use fleetyard_check::{PathRule, Verdict, Violation};
@@ -15,8 +16,8 @@ use fleetyard_sim::{Figures, Policy};
 use fleetyard_views::{Judged, Representation};
 use serde::Serialize;
 
-use crate::calibration::Correction;
 use crate::claims::Claim;
+use crate::correction::Correction;
 use crate::failure::is_invalid;
 
 /// Everything there is to say about one run. Values that do not exist are
@@ -394,6 +395,11 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
         let _ = write!(text, "; limits watched, not enforced: {limits}");
     }
     text
+}
+
+/// A duration as records have it.
+pub fn milliseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1000.0
 }
 
 /// A number without needless digits.

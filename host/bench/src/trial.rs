@@ -1,6 +1,6 @@
 //! A trial: one planner, one instance, one budget, judged and executed.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fleetyard_abi::c::PluginEntry;
 use fleetyard_abi::{Budget, Plan, SharedEnvironment};
@@ -14,19 +14,17 @@ use fleetyard_runtime::{
     Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Source,
     Termination,
 };
-use fleetyard_sim::{Plan as Planned, SimConfig, SimError, Simulator, TraceSink};
+use fleetyard_sim::{SimConfig, SimError, TraceSink};
 use serde_json::Value;
 
-use crate::calibration::Calibration;
 use crate::claims;
-use crate::error::BenchError;
+use crate::correction::Calibration;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 use crate::plugin::{Plugin, Running};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, Measurement, Metrics,
-    PlannerInfo, Record, VerdictInfo, unranked,
+    PlannerInfo, Record, VerdictInfo, milliseconds, unranked,
 };
-use crate::suite::SuiteInstance;
 use crate::trial_error::TrialError;
 use crate::trial_instance::{Found, TrialInstance};
 
@@ -40,7 +38,8 @@ pub struct Host {
     pub runtime: Runtime,
     budget: BudgetOptions,
     cores: Option<Result<Reservation, NoCores>>,
-    calibration: Calibration,
+    /// Empty calls by which round trips are corrected.
+    pub(crate) calibration: Calibration,
 }
 
 impl Host {
@@ -79,18 +78,6 @@ impl Host {
             cores,
             calibration: Calibration::default(),
         })
-    }
-
-    /// Takes empty calls of these attachments, by which round trips are corrected from now on.
-    /// No plugin of a stranger may run meanwhile.
-    pub(crate) fn calibrate(
-        &mut self,
-        instances: &[SuiteInstance],
-        config: &SimConfig,
-        attachments: &[Attach],
-    ) -> Result<(), BenchError> {
-        self.calibration = Calibration::take(self, instances, config, attachments)?;
-        Ok(())
     }
 
     /// The budget of every trial.
@@ -513,41 +500,4 @@ impl Trial<'_> {
             ..self.instance.metrics(plan, found, self.config)
         }
     }
-}
-
-/// A duration as records have it.
-pub fn milliseconds(duration: Duration) -> f64 {
-    duration.as_secs_f64() * 1000.0
-}
-
-/// Executes a plan and takes the time.
-pub fn execute<'p>(
-    simulator: &Simulator<'_>,
-    plan: impl Into<Planned<'p>>,
-    trace: &mut dyn TraceSink,
-) -> Result<ExecutionInfo, SimError> {
-    let started = Instant::now();
-    let outcome = simulator.run(plan, trace)?;
-    let wall = started.elapsed();
-    Ok(ExecutionInfo {
-        figures: outcome.figures(wall.as_secs_f64()),
-        policy: outcome.policy,
-        agents: outcome.agents,
-        arrived: outcome.arrived,
-        makespan_s: outcome.makespan_s,
-        sum_of_costs_s: outcome.sum_of_costs_s,
-        wall_ms: milliseconds(wall),
-        tracking_error_max_m: outcome.tracking_error_max_m,
-        tracking_error_mean_m: outcome.tracking_error_mean_m,
-        host_peak_memory_kb: peak_memory_kb(),
-    })
-}
-
-/// The high-water mark of this process's resident set, where the kernel tells.
-fn peak_memory_kb() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse().ok()
 }

@@ -7,10 +7,10 @@ use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError, Traject
 use fleetyard_sim::{SimConfig, Simulator, TraceSink};
 use fleetyard_views::{Judged, PlanTerms, Problem, View, visits_of};
 
+use crate::execution::execute;
 use crate::options::Robots;
 use crate::plugin::{Plugin, motion};
 use crate::record::{ExecutionInfo, InstanceInfo, Metrics, VerdictInfo};
-use crate::trial::execute;
 use crate::trial_error::TrialError;
 
 /// The most violations that a record lists; all are counted.

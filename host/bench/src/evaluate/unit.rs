@@ -3,7 +3,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::Row;
-use crate::suite::sets::map_seed_of;
+use crate::suite::recipe::map_seed_of;
 
 /// The sampling unit to which the results of a suite are generalised: resampling and tests draw and
 /// count such units. Seeds and repeats of an instance, team sizes of a scenario and scenarios of a

@@ -3,13 +3,15 @@
 
 mod columns;
 mod csv;
+mod error;
 mod json_lines;
 mod parquet;
 mod planner_arena;
-
-use std::time::{Duration, UNIX_EPOCH};
+mod time;
 
 pub use csv::read_csv;
+pub use error::ExportError;
+pub use time::rfc3339;
 
 use crate::Row;
 
@@ -26,34 +28,6 @@ pub enum Format {
     Parquet,
     /// A SQLite database as OMPL's Planner Arena reads it.
     PlannerArena,
-}
-
-/// The reason why an export could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum ExportError {
-    /// The CSV writer refused a record.
-    #[error("cannot write CSV: {0}")]
-    Csv(#[from] ::csv::Error),
-    /// A value could not be written as JSON.
-    #[error("cannot write JSON: {0}")]
-    Json(#[from] serde_json::Error),
-    /// The Parquet writer refused a value.
-    #[error("cannot write Parquet: {0}")]
-    Parquet(#[from] ::parquet::errors::ParquetError),
-    /// The database could not be made.
-    #[error("cannot write the database: {0}")]
-    Sqlite(#[from] rusqlite::Error),
-    /// A temporary file could not be written or read.
-    #[error("cannot use a temporary file: {0}")]
-    Io(#[from] std::io::Error),
-}
-
-/// A time in milliseconds since 1970, such as `2026-02-26T12:00:00Z`. A store may have any
-/// number; what is beyond the year 9999 is shown as its end.
-pub fn rfc3339(unix_ms: u64) -> String {
-    const LAST_MS: u64 = 253_402_300_799_000;
-    let time = UNIX_EPOCH + Duration::from_millis(unix_ms.min(LAST_MS));
-    humantime::format_rfc3339_seconds(time).to_string()
 }
 
 /// The bytes of a file of that format.

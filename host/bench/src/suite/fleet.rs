@@ -9,9 +9,10 @@ use fleetyard_sim::noise::{Delay, Messages, VelocityNoise};
 use serde::{Deserialize, Deserializer};
 use serde_json::Map;
 
-use super::read::Paths;
-use super::settings::{as_argument, hinted, seconds};
+use super::settings::hinted;
+use super::values::Paths;
 use crate::options::{BudgetOptions, Robots};
+use crate::quantity::{as_argument, seconds};
 
 /// Seconds between points of the series of a run; rows keep none of it.
 const SERIES_S: f64 = 10.0;

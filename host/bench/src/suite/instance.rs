@@ -7,10 +7,9 @@ use std::sync::{Arc, OnceLock};
 use fleetyard_check::PathRule;
 use fleetyard_core::{Connectivity, Digest, Grid, GridInstance, Hasher, InputError, Role};
 use fleetyard_views::{Problem, View};
-use fleetyard_world::MazeAlgorithm;
 use serde_json::Value;
 
-use super::sets::{Loaded, LoadedTask, Recipe, Tasks};
+use super::recipe::{Loaded, LoadedTask, Origin, Recipe, Tasks};
 use super::view::{AskedView, SuiteView};
 use crate::trial_instance::TrialInstance;
 
@@ -65,32 +64,6 @@ impl Question {
             },
         }
     }
-}
-
-/// The origin of an instance.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Origin {
-    /// Name of the map. Maps that differ by their seed have the same.
-    pub map: String,
-    /// The file of starts and goals, or the seeds that stand for them.
-    pub scenario: String,
-    /// The maze, if it is one of a series.
-    pub maze: Option<MazeOrigin>,
-}
-
-/// A maze's place in a series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MazeOrigin {
-    /// Its number, from 0.
-    pub index: u64,
-    /// The seed that it was carved with.
-    pub seed: u64,
-    /// Cells of the maze from west to east.
-    pub width: u32,
-    /// Cells of the maze from north to south.
-    pub height: u32,
-    /// The algorithm that carved it.
-    pub algorithm: MazeAlgorithm,
 }
 
 impl SuiteInstance {

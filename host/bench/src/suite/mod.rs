@@ -7,8 +7,10 @@
 mod fleet;
 mod instance;
 mod read;
-pub(crate) mod sets;
-pub(crate) mod settings;
+pub(crate) mod recipe;
+mod sets;
+mod settings;
+mod values;
 mod view;
 
 use std::collections::HashSet;
@@ -25,9 +27,12 @@ use serde_json::{Map, Value};
 use crate::evaluate::{Order, Unit};
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
 pub use fleet::{FleetPlugin, FleetSetup};
-pub use instance::{MazeOrigin, Origin, Question, SuiteInstance};
+pub use instance::{Question, SuiteInstance};
+pub use recipe::{MazeOrigin, Origin};
 use sets::InstanceSet;
 pub(crate) use sets::{Source, Sources};
+pub use values::MOST_INSTANCES;
+use values::Paths;
 pub use view::{AskedView, SuiteView};
 
 /// The largest suite file that is read, in bytes.
@@ -35,9 +40,6 @@ pub const SUITE_LIMIT: u64 = 1 << 20;
 
 /// Most trials of a suite.
 pub const MOST_TRIALS: u64 = 10_000_000;
-
-/// Most instances of a suite.
-pub const MOST_INSTANCES: u64 = 1_000_000;
 
 /// The content of a suite file.
 #[derive(Debug, Clone)]
@@ -227,7 +229,7 @@ impl Suite {
         folder: &Path,
         variable: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Self, InputError> {
-        read::suite(source, text, settings, &read::Paths { folder, variable })
+        read::suite(source, text, settings, &Paths { folder, variable })
     }
 
     /// The files that the suite names and that say what planners will be asked: they are not
@@ -337,11 +339,4 @@ impl Suite {
         }
         Ok((instances, sources))
     }
-}
-
-/// A path of a suite file.
-#[derive(Debug, Clone)]
-struct Named {
-    path: PathBuf,
-    place: Place,
 }

@@ -9,7 +9,7 @@ use fleetyard_views::{
 };
 use serde_json::{Map, Value as Json};
 
-use super::read::{connectivity, label_of, said, some};
+use super::values::{connectivity, label_of, said, some};
 
 /// A view of tasks, and the rules that it leaves open.
 #[derive(Debug, Clone)]
