@@ -2,6 +2,7 @@
 other, and beside what GRACE published. Everything on the page follows from the rows."""
 
 import csv
+import io
 import math
 import os
 from collections import defaultdict
@@ -255,18 +256,13 @@ def table_of_views(page, trials):
               "view, but not making it. The planner of a view is the one that solves most there, then the one with the shortest ways.\n")
 
 
-def overlaps(plans):
-    """Plans that keep the rules of their view, and in which footprints overlap."""
-    return share(sum(not row["valid_in_world"] for row in plans), len(plans))
-
-
 def table_of_executions(page, trials):
     rows = []
     for view in VIEWS:
         plans = [row for (of, _), cells in trials.lines.items() if of == view for row in cells.values() if row["valid"]]
         if not plans:
             continue
-        told = [overlaps(plans)]
+        told = [share(sum(not row["valid_in_world"] for row in plans), len(plans))]
         for how in EXECUTIONS:
             driven = [row for row in plans if row[f"{how}_pairs"] is not None]
             told += [str(sum(row[f"{how}_{what}"] > 0 for row in driven)) if driven else "–" for what in ("pairs", "walls")]
@@ -285,7 +281,8 @@ def table_of_executions(page, trials):
               "last arrival, and the largest distance from the plan.\n")
 
 
-def table_of_planners(page, trials, planners):
+def table_of_planners(page, trials, planners, path):
+    """The planners of every view, as a file beside the rows, and what the page says of it."""
     base = trials.chosen["continuous"][1]
     rows = []
     for (view, planner), cells in sorted(trials.lines.items(), key=lambda line: (list(VIEWS).index(line[0][0]), line[0][1])):
@@ -293,20 +290,25 @@ def table_of_planners(page, trials, planners):
         times = sorted(time for row in solved if (time := time_ms(row)) is not None)
         figures = ["100", "100"] if cells is base else [
             percent(ratios(cells, base, METRICS[metric], cells)) for metric in ("SoC", "makespan")]
-        middle = digits(times[len(times) // 2]) if times else "–"
-        rows.append([TITLES[view], f"`{planner}`", share(len(solved), len(cells)), overlaps(solved), *figures, middle,
-                     digits(times[-1]) if times else "–"])
-    page.table(["view", "planner", "solved", "overlap", "SoC, %", "makespan, %", "median ms", "longest ms"], rows, texts=2)
+        middle = digits(times[len(times) // 2]) if times else ""
+        rows.append([TITLES[view], planner, len(solved), len(cells), sum(not row["valid_in_world"] for row in solved), *figures, middle,
+                     digits(times[-1]) if times else ""])
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["view", "planner", "solved", "instances", "overlap", "SoC, %", "makespan, %", "median ms", "longest ms"])
+    table.writerows(rows)
+    replace(path, out.getvalue())
+    page.text(f"[{path.name}]({path.parent.name}/{path.name}) has a line for every planner on every view: solved instances, plans that overlap in the "
+              "world, SoC and makespan relative to the planner in the plane where both solved, and planning times of solved instances.\n")
     told = [f"`{planner['planner']}` with `{planner['options']}`" for planner in planners if planner["options"] and not planner["left_out"]]
     if told:
         page.text(f"Planners that improve plans until the budget ends are asked for the first one: {', '.join(told)}.")
-    out = defaultdict(list)
+    left_out = defaultdict(list)
     for planner in planners:
         if planner["left_out"]:
-            out[planner["left_out"]].append(f"`{planner['planner']}`")
-    page.text("Ratios are to the planner in the plane where both solved; times are of solved instances. A team is not asked for where a smaller "
-              "part of it took the whole budget, and counts as unsolved."
-              + (" Left out: " + "; ".join(f"{', '.join(names)} ({reason})" for reason, names in out.items()) + "." if out else "") + "\n")
+            left_out[planner["left_out"]].append(f"`{planner['planner']}`")
+    page.text("A team is not asked for where a smaller part of it took the whole budget, and counts as unsolved."
+              + (" Left out: " + "; ".join(f"{', '.join(names)} ({reason})" for reason, names in left_out.items()) + "." if left_out else "") + "\n")
 
 
 def losses(trials):
@@ -403,7 +405,7 @@ def write(page, kept):
     out.text("## Executions\n")
     table_of_executions(out, trials)
     out.text("## All planners\n")
-    table_of_planners(out, trials, planners)
+    table_of_planners(out, trials, planners, kept / "by-planner.csv")
     out.text("## Tasks\n")
     out.text("Worlds: `empty`; `maze`, a perfect maze for each seed with lanes of 0.71 m; `warehouse`, eight shelves with aisles of 0.79 m; `window`, a "
              "wall with two openings of 0.6 m (`maps/window.world.json`). Robots: discs of 0.08 m, rectangles and triangles of "
