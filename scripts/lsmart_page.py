@@ -312,9 +312,45 @@ def table(page, forms, setups, names=SETUPS):
     page.text("")
 
 
+def best(page, forms, groups):
+    """The best of several setups in each group, by name of the group."""
+    setups = [setup for group in groups.values() for setup in group]
+    if not any(measured.places(setups) for measured in forms):
+        page.text("Not measured yet.\n")
+        return
+    page.text("| map | N | setups | " + " | ".join(groups) + " |", "| --- | ---: | --- |" + " ---: |" * len(groups))
+    for place in sorted({place for measured in forms for place in measured.places(setups)}):
+        for name, measured in zip(("paper", "shipped"), forms):
+            cells = []
+            for group in groups.values():
+                tried = [setup for setup in group if measured.by_seed(setup, place)]
+                rate = lambda setup: mean([row["throughput_per_s"] for row in measured.by_seed(setup, place).values()])
+                first = max(tried, key=rate, default=None)
+                cells.append(f"{first}: {cell(measured, first, place)}" if tried else "–")
+            if any(found != "–" for found in cells):
+                page.text(f"| {place[0]} | {place[1]} | {name} | " + " | ".join(cells) + " |")
+    page.text("")
+
+
+def write_cells(path, parts):
+    """A line for every setup on every map with every number of robots."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["setups", "setup", "map", "agents", "seeds", "throughput_per_s", "half_interval", "fail_policy_ratio"])
+        for name, measured in parts:
+            for setup, *place in sorted(measured.cells):
+                rows = measured.by_seed(setup, tuple(place)).values()
+                if rows:
+                    seeds = Seeds([row["throughput_per_s"] for row in rows])
+                    half = f"{seeds.interval()[1] - seeds.mean:.3f}" if seeds.n > 1 else ""
+                    out.writerow([name, setup, *place, seeds.n, f"{seeds.mean:.3f}", half, f"{measured.fails(setup, tuple(place)):.3f}"])
+
+
 def experiments_1_to_3(page, forms):
     page.text("## 1 to 3: instance generators, when to plan, windows\n")
-    table(page, forms, ["1", "2", "5", "6", "3", "4", "9", "10", "7", "8"])
+    page.text("The best setup of each kind, by its number. 2, 4, 6 and 8 plan event-based, the others periodically; W = P is 1 s in 3, 2 s in 9, 5 s "
+              "in 10 and 10 s in 7, W 1 s in 4 and 10 s in 8.\n")
+    best(page, forms, {"standard": ["1", "2"], "transient": ["5", "6"], "windowed": ["3", "4", "7", "8", "9", "10"]})
     experiment_1(page, forms)
     experiment_2(page, forms)
     experiment_3(page, forms)
@@ -596,7 +632,7 @@ def main():
           f"{driven / 3600:.0f} robot-hours, "
           f"{sum(row['contacts'] for row in all_rows)} contacts" + (f", {failed} runs that did not succeed" if failed else "")
           + (f", made by {builds} builds" if (builds := len({row["planner_digest"] for row in all_rows})) > 1 else "") + ". "
-          + "The rows are in `docs/results/lsmart/`. A cell is the mean throughput in goals per simulated second, the half of its "
+          + "The rows are in `docs/results/lsmart/`, the means of all setups in [cells.csv](lsmart/cells.csv). A cell is the mean throughput in goals per simulated second, the half of its "
           "95 % t interval over seeds, and in brackets the share of calls that went to the fail policy; – is not measured. Calls are "
           "limited by search nodes, so that runs repeat on any machine; cells in which calls failed on a busy machine are left out.\n")
     page.text("**Verdicts.** For each seed, d is the mean of ln(goals of A / goals of B) over the cells (a map with a number of robots) "
@@ -613,9 +649,12 @@ def main():
     page.text("**Maps.** warehouse-33-36 and empty-32-32 are the paper's. warehouse-10-20-10-2-1 is MovingAI's without its wall, with "
           "[roles](../maps.md#warehouses) in the way of warehouse-33-36. The others are MovingAI's where `FLEETYARD_DATA` has them, "
           "else ours of the same kind and size.\n")
+    policies = Measured([rows["policies"]])
+    if kept:
+        write_cells(os.path.join(kept, "cells.csv"), [("paper", paper), ("shipped", shipped), ("policies", policies)])
     experiments_1_to_3(page, both)
     experiment_4(page, Measured([rows["lns2"]]))
-    experiment_5(page, [Measured([rows["policies"]])], kept)
+    experiment_5(page, [policies], kept)
     experiment_6(page, both)
     appendix_c(page, Measured([rows["lns"]]))
     page.text("## Cell by cell\n")
