@@ -18,6 +18,65 @@ use crate::object::{FailPolicy, InstanceGenerator, InvocationPolicy, Object, Pla
 use crate::plan::Plan;
 use crate::sdk::{Entry, Failure, Options, StaticCatalog};
 
+/// Lists the plugins of a crate: exports them as a shared library (make the
+/// crate a `cdylib`), and gives a function `catalog()` for
+/// [`serve_stdio`](crate::serve::serve_stdio), which makes an executable that
+/// speaks JSON over stdio. Each type implements [`Plugin`](crate::sdk::Plugin) and the trait of its
+/// kind. Panics do not leave the plugin: they become `internal-error`.
+#[macro_export]
+macro_rules! export {
+    ($($list:ident: [$($plugin:ty),* $(,)?]),* $(,)?) => {
+        /// The plugins of this crate.
+        pub fn catalog() -> &'static $crate::sdk::StaticCatalog {
+            static CATALOG: $crate::sdk::StaticCatalog = $crate::sdk::StaticCatalog(&[
+                $($($crate::export!(@entry $list $plugin),)*)*
+            ]);
+            &CATALOG
+        }
+
+        /// Marks this crate's catalogue for the exported functions.
+        #[doc(hidden)]
+        pub struct FleetyardExport;
+
+        impl $crate::export::Export for FleetyardExport {
+            fn catalog() -> &'static $crate::sdk::StaticCatalog {
+                catalog()
+            }
+
+            fn tables() -> &'static $crate::export::Tables {
+                static TABLES: $crate::export::Tables = $crate::export::Tables::new();
+                &TABLES
+            }
+        }
+
+        /// The entry point of the plugin contract.
+        #[allow(unsafe_code, non_upper_case_globals)]
+        #[unsafe(no_mangle)]
+        pub static fleetyard_plugin_entry_v1: $crate::c::PluginEntry =
+            $crate::export::entry::<FleetyardExport>();
+    };
+    (@entry planners $plugin:ty) => { $crate::export!(@make Planner planner $plugin) };
+    (@entry fail_policies $plugin:ty) => { $crate::export!(@make FailPolicy fail_policy $plugin) };
+    (@entry instance_generators $plugin:ty) => {
+        $crate::export!(@make InstanceGenerator instance_generator $plugin)
+    };
+    (@entry invocation_policies $plugin:ty) => {
+        $crate::export!(@make InvocationPolicy invocation_policy $plugin)
+    };
+    (@make $kind:ident $make:ident $plugin:ty) => {
+        $crate::sdk::Entry {
+            descriptor: || {
+                let descriptor = <$plugin as $crate::sdk::Plugin>::descriptor();
+                $crate::Descriptor { kind: $crate::Kind::$kind, ..descriptor }
+            },
+            create: |options| {
+                let plugin = <$plugin as $crate::sdk::Plugin>::create(options)?;
+                Ok($crate::object::Object::$make(plugin))
+            },
+        }
+    };
+}
+
 /// A crate's catalogue, found by type. Implemented by [`export!`](crate::export!).
 pub trait Export: 'static {
     /// The plugins.
