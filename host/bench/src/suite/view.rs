@@ -61,14 +61,28 @@ impl SuiteView {
     /// Adds all that plans of the view depend on, but for the task.
     pub(super) fn hash(&self, hasher: &mut Hasher) {
         let Self {
+            label: _,
             spec,
             separation,
             pace,
             step_s,
-            ..
+            place: _,
         } = self;
-        // No parameter is without its name there.
-        hasher.bytes(format!("{spec:?} {separation:?} {pace:?} {step_s:?}").as_bytes());
+        let bits = |number: Option<f64>| number.map(f64::to_bits);
+        hasher.value(&(spec.representation(), separation, pace, bits(*step_s)));
+        match *spec {
+            ViewSpec::Grid(GridSpec {
+                connectivity,
+                separation,
+            }) => hasher.value(&(connectivity.degree(), separation)),
+            ViewSpec::Roadmap(RoadmapSpec {
+                builder,
+                spacing_m,
+                seed,
+                speed_m_per_s,
+            }) => hasher.value(&(builder, bits(spacing_m), seed, bits(speed_m_per_s))),
+            ViewSpec::Continuous => {}
+        }
     }
 }
 
@@ -244,4 +258,100 @@ fn positive(value: &Value<'_>, wanted: &str, or_zero: bool) -> Result<f64, Input
     }
     let reason = format!("`{}` is {number}", shown(value.key()));
     Err(value.error(reason).hint(format!("give {wanted}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_core::Digest;
+    use fleetyard_views::Sampling;
+
+    use super::*;
+
+    fn view(spec: ViewSpec) -> SuiteView {
+        SuiteView {
+            label: "view".into(),
+            spec,
+            separation: Separation::Rules,
+            pace: Pace::StopGo,
+            step_s: None,
+            place: Place::outside("test"),
+        }
+    }
+
+    fn digest(view: &SuiteView) -> Digest {
+        let mut hasher = Hasher::new("test");
+        view.hash(&mut hasher);
+        hasher.finish()
+    }
+
+    #[test]
+    fn views_that_differ_have_digests_that_differ() {
+        let grid = |connectivity, separation| {
+            view(ViewSpec::Grid(GridSpec {
+                connectivity,
+                separation,
+            }))
+        };
+        let plain = RoadmapSpec::new(Builder::Lattice {
+            side_m: 0.5,
+            directions: 8,
+        });
+        let roadmap = |spec| view(ViewSpec::Roadmap(spec));
+        let of = |builder| roadmap(RoadmapSpec::new(builder));
+        let prm = |sampling, vertices, neighbors| Builder::Prm {
+            sampling,
+            vertices,
+            neighbors,
+        };
+        let lattice = |side_m, directions| Builder::Lattice { side_m, directions };
+        let continuous = view(ViewSpec::Continuous);
+        let views = [
+            grid(Connectivity::Four, Separation::Rules),
+            grid(Connectivity::Four, Separation::Strict),
+            grid(Connectivity::Eight, Separation::Rules),
+            of(prm(Sampling::Uniform, 100, 5)),
+            of(prm(Sampling::Halton, 100, 5)),
+            of(prm(Sampling::Uniform, 5, 100)),
+            of(Builder::Tangent { sides: 8 }),
+            roadmap(plain),
+            // The next number.
+            of(lattice(f64::from_bits(0.5f64.to_bits() + 1), 8)),
+            of(lattice(0.5, 16)),
+            roadmap(RoadmapSpec {
+                spacing_m: Some(1.0),
+                ..plain
+            }),
+            roadmap(RoadmapSpec {
+                speed_m_per_s: Some(1.0),
+                ..plain
+            }),
+            roadmap(RoadmapSpec {
+                seed: Some(1),
+                ..plain
+            }),
+            SuiteView {
+                pace: Pace::Slower,
+                ..roadmap(plain)
+            },
+            SuiteView {
+                separation: Separation::Strict,
+                ..continuous.clone()
+            },
+            SuiteView {
+                step_s: Some(1.0),
+                ..continuous.clone()
+            },
+            continuous,
+        ];
+        for (index, one) in views.iter().enumerate() {
+            for other in &views[..index] {
+                assert_ne!(digest(one), digest(other), "{one:?} {other:?}");
+            }
+            let renamed = SuiteView {
+                label: "another name".into(),
+                ..one.clone()
+            };
+            assert_eq!(digest(one), digest(&renamed));
+        }
+    }
 }
