@@ -41,6 +41,7 @@
 //! third in plan quality.
 #![forbid(unsafe_code)]
 
+pub mod epibt;
 mod lacam;
 pub mod lifelong;
 mod one_shot;

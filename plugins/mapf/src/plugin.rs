@@ -1,14 +1,18 @@
-//! The planners behind the plugin contract: ids `lacam` and `pibt`.
+//! The planners behind the plugin contract: ids `lacam`, `pibt` and `epibt`.
 
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Budget, Capability, GridEnvironment, GridPlan, Instance, Status, c};
-use fleetyard_plugin_spacetime::plugin::{Call, Method, Team};
-use fleetyard_plugin_spacetime::problem::graph_of;
+use fleetyard_abi::{
+    Budget, Capability, GridEnvironment, GridPlan, Instance, Motion, Status, c, monotonic_ns,
+};
+use fleetyard_plugin_spacetime::graph::Graph;
+use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
+use fleetyard_plugin_spacetime::problem::{ProblemError, graph_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::epibt::run as epibt;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::streets::{Journeys, Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
@@ -28,11 +32,19 @@ const LANE_BYTES: u64 = 256 << 20;
 /// of the machine.
 const RETRIES: u32 = 8;
 
+/// Tries of `epibt` in each step, for each agent.
+const TRIES: u32 = 5;
+/// Steps of `epibt` without a window.
+const EPIBT_STEPS: u64 = 10_000;
+
 /// LaCAM*: complete, anytime.
 pub type Lacam = Team<LacamOptions>;
 
 /// PIBT: fastest, not complete.
 pub type Pibt = Team<PibtOptions>;
+
+/// EPIBT: a few steps at a time, for robots that turn as well.
+pub type Epibt = Team<EpibtOptions>;
 
 /// Options of `lacam`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -165,6 +177,173 @@ impl Method for PibtOptions {
             ..Options::default()
         };
         roads.plan(&options, instance, call)
+    }
+}
+
+/// Options of `epibt`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct EpibtOptions {
+    /// Actions of an operation, which is planned at a time; `null` for 3, and 4 where robots turn.
+    #[schemars(range(min = 3, max = 5))]
+    horizon: Option<u8>,
+    /// Tries in each step, for each agent, to make it better by large neighbourhood search; 0 for
+    /// none, `null` for as many as the budget has time for.
+    #[schemars(range(max = 10_000))]
+    tries: Option<u32>,
+    /// Without a window: give up when not everybody has arrived after so many steps.
+    #[schemars(range(min = 1))]
+    step_limit: u64,
+    /// Charge of a move against the lanes of the map, in steps: its streets lead east and west in
+    /// turn, and south and north. 0 for no lanes.
+    #[schemars(range(max = 100))]
+    lane_charge: u16,
+}
+
+impl Default for EpibtOptions {
+    fn default() -> Self {
+        Self {
+            horizon: None,
+            tries: Some(TRIES),
+            step_limit: EPIBT_STEPS,
+            lane_charge: LANE_CHARGE,
+        }
+    }
+}
+
+impl Method for EpibtOptions {
+    const ID: &'static str = "epibt";
+    const NAME: &'static str = "EPIBT";
+    const ABOUT: &'static str = "Priority inheritance with backtracking over operations of several \
+         actions, and large neighbourhood search (Yukhnevich, Andreychuk, arXiv 2511.09193): for \
+         fleets that work without end, of robots that turn as well.";
+    const CAPABILITIES: &'static [Capability] = &[
+        Capability::Pebble,
+        Capability::Rotation,
+        Capability::Windowed,
+        Capability::DuplicateGoals,
+        Capability::Idle,
+    ];
+    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID, c::REST_OF_PLAN_ID];
+    type Map = Block;
+
+    fn check(&self) -> Result<(), String> {
+        let (least, most) = epibt::horizons();
+        match self.horizon {
+            Some(horizon) if !(least..=most).contains(&usize::from(horizon)) => Err(format!(
+                "a `horizon` of {horizon} actions; hint: give {least} to {most}, or `null`"
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Block, Failure> {
+        let graph = Arc::new(graph_of(grid)?);
+        let bytes = half_of_memory(budget);
+        Ok(Block {
+            streets: Streets::new(&graph, self.lane_charge.into(), grid.step_s, bytes),
+            graph,
+            size: [grid.rows, grid.cols],
+            step_s: grid.step_s,
+        })
+    }
+
+    fn solve(
+        &self,
+        block: &mut Block,
+        instance: &Instance,
+        call: &Call<'_>,
+    ) -> Result<(), Failure> {
+        let turning = match instance.motion {
+            Motion::Pebble => false,
+            Motion::Rotation => true,
+            _ => {
+                let what = "motion other than pebbles' and with turns is";
+                return Err(ProblemError::Unsupported { what }.into());
+            }
+        };
+        let headings = instance.headings.as_deref();
+        let mut turn = Turning::of(instance);
+        if turning {
+            turn.quarter_s = turn.quarter_s.max(block.step_s);
+        }
+        let journeys = Journeys {
+            starts: &instance.starts,
+            goals: &instance.goals,
+            headings,
+            turning: turn,
+            traffic: instance.traffic(),
+        };
+        let failure = |status, reason: &str| Err(Failure::new(status, reason));
+        let Some(mut by_street) = block.streets.ranking(journeys, &mut || call.stop()) else {
+            return failure(
+                Status::GaveUp,
+                "the ways to the goals would take more memory than the budget has",
+            );
+        };
+        let [rows, cols] = block.size;
+        let rest = instance.rest_of_plan();
+        let rest = rest.and_then(|rest| rest.plan(&instance.starts, rows, cols).ok());
+        let query = epibt::Query {
+            starts: &instance.starts,
+            goals: &instance.goals,
+            headings,
+            turning,
+            window: (instance.window_steps > 0).then_some(instance.window_steps),
+            step_limit: self.step_limit,
+            horizon: self.horizon.map_or(3 + usize::from(turning), usize::from),
+            tries: self.tries,
+            rings: instance.allows_cycles,
+            rest: rest.as_ref(),
+            seed: call.budget.seed,
+        };
+        let mut clock = Clock { call, until_ns: 0 };
+        let (plan, end) = epibt::run(&block.graph, &mut by_street, &query, &mut clock)?;
+        if end == epibt::End::Done || query.window.is_some() {
+            call.submit(&plan);
+        }
+        match end {
+            epibt::End::Done => Ok(()),
+            epibt::End::Stopped => failure(
+                Status::TimedOut,
+                "the budget ended before everybody had chosen",
+            ),
+            epibt::End::Steps => failure(
+                Status::GaveUp,
+                "not everybody arrived within the step limit; the planner is not complete",
+            ),
+        }
+    }
+}
+
+/// Data that `epibt` keeps between calls.
+pub struct Block {
+    graph: Arc<Graph>,
+    streets: Streets,
+    /// Rows and columns.
+    size: [u32; 2],
+    step_s: f64,
+}
+
+/// The time of a call, shared out among its steps.
+struct Clock<'a> {
+    call: &'a Call<'a>,
+    until_ns: u64,
+}
+
+impl epibt::Watch for Clock<'_> {
+    fn stop(&mut self) -> bool {
+        self.call.stop()
+    }
+
+    fn begin(&mut self, left: u32) {
+        let now_ns = monotonic_ns();
+        let left_ns = self.call.budget.answer_by_ns.saturating_sub(now_ns);
+        self.until_ns = now_ns + left_ns / u64::from(left.max(1));
+    }
+
+    fn pause(&mut self) -> bool {
+        monotonic_ns() >= self.until_ns
     }
 }
 

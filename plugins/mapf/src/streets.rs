@@ -34,7 +34,7 @@ use self::ways::{Moves, Room, Tolls, Ways};
 use crate::lifelong::{Place, Ranking};
 
 /// Units of cost in a step.
-const STEP: u32 = 4;
+pub(crate) const STEP: u32 = 4;
 /// Steps that a cell costs more where always somebody waits. Much more, and robots take long ways
 /// round; much less, and they queue.
 const WAIT: u32 = 5;
@@ -154,11 +154,11 @@ pub struct Journeys<'a> {
 }
 
 impl Streets {
-    /// Moves against a lane are charged so many steps of so many seconds. Tables may take so many
-    /// bytes.
+    /// Moves against a lane are charged so many steps of so many seconds; 0 for no lanes. Tables may
+    /// take so many bytes.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
         let lanes = Lanes::new(graph, charge);
-        let moves = Moves::new(graph, |v, d| !lanes.is_barred(v, d));
+        let moves = Moves::new(graph, |v, d| charge == 0 || !lanes.is_barred(v, d));
         Self {
             graph: Arc::clone(graph),
             passages: Passages::new(graph, &moves),
@@ -321,6 +321,23 @@ impl ByStreet<'_> {
             ways: tables.get(key, Ways::bytes(moves), make),
             tolls: at,
         }
+    }
+
+    /// The costs of the ways of an agent to the goal after so many that it has visited, and which
+    /// [`ByStreet::tolls`] they are made of; `None` where the tables are full.
+    pub(crate) fn ways(&mut self, agent: usize, visited: usize) -> Option<(Arc<Ways>, usize)> {
+        let Journey { ways, tolls, .. } = self.journey(agent, visited);
+        ways.map(|ways| (ways, tolls))
+    }
+
+    /// Costs of moves and turns.
+    pub(crate) fn tolls(&self, number: usize) -> &Tolls {
+        &self.tolls[number].1
+    }
+
+    /// The moves that ways lead along.
+    pub(crate) fn moves(&self) -> &Moves {
+        &self.streets.moves
     }
 
     /// The next cells on the way of an agent to its first goal.

@@ -106,8 +106,15 @@ pub struct Tolls {
 }
 
 impl Tolls {
-    fn of(&self, number: Move) -> u32 {
+    /// The cost of a move.
+    #[inline]
+    pub fn of(&self, number: Move) -> u32 {
         self.costs[number as usize].into()
+    }
+
+    /// The cost of a turn by 90°.
+    pub fn turn(&self) -> u32 {
+        self.turn
     }
 }
 
