@@ -150,6 +150,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("lacam", IN_WORKER),
     ("lacam", IN_HOST),
     ("pibt", "--kind planner"),
+    ("epibt", IN_WORKER),
+    ("epibt", IN_HOST),
     ("empty", IN_HOST),
     ("cbs", IN_WORKER),
     ("ecbs", IN_HOST),

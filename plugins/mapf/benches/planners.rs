@@ -1,6 +1,8 @@
 //! Time to the first plan, of refinement up to a fixed limit, and of calls for a fleet that
 //! works without end, on generated maps.
 
+#[path = "../../bundle/tests/it/mapf/floor.rs"]
+mod floor;
 #[path = "../../bundle/tests/it/mapf/support.rs"]
 mod support;
 
@@ -11,6 +13,7 @@ use fleetyard_abi::{Goals, GridEnvironment, Instance};
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
 use fleetyard_plugin_mapf::{Algorithm, Options};
 use fleetyard_testkit::{Case, grid};
+use floor::{Floor, Manner};
 use support::Patient;
 
 /// A square map with scattered obstacles; starts and goals spread by multiplication.
@@ -108,6 +111,30 @@ fn first_calls(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// A step of EPIBT in a crowd of robots that turn, by the number of tries for each.
+fn steps(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("a step of robots that turn");
+    group.sample_size(20);
+    for (side, agents) in [(32, 400), (64, 400)] {
+        for tries in [0, 5] {
+            let manner = Manner {
+                horizon: 4,
+                tries: Some(tries),
+                window: 1,
+            };
+            let map = instance(side, agents).map;
+            let mut floor = Floor::new(map, agents, true, 1, 0, 1);
+            floor.drive(20, manner);
+            let name = format!("{side}x{side}, {agents} agents");
+            let id = BenchmarkId::new(name, format!("{tries} tries"));
+            group.bench_function(id, |bencher| {
+                bencher.iter(|| floor.plan(manner, &mut floor::Patient));
+            });
+        }
+    }
+    group.finish();
+}
+
 fn planner(problem: &Case) -> Lifelong {
     Lifelong::new(Arc::new(support::graph(problem)), 512 << 20)
 }
@@ -128,5 +155,5 @@ fn query<'a>(problem: &'a Case, goals: &'a Goals, samples: u32, retries: u32) ->
     }
 }
 
-criterion_group!(benches, planners, calls, first_calls);
+criterion_group!(benches, planners, calls, first_calls, steps);
 criterion_main!(benches);

@@ -1,5 +1,7 @@
-//! PIBT and LaCAM*, for one plan and for fleets.
+//! PIBT, EPIBT and LaCAM*, for one plan and for fleets.
 
+mod epibt;
+mod floor;
 mod lifelong;
 mod planners;
 mod support;

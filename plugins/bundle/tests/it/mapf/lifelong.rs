@@ -573,7 +573,8 @@ fn a_turn_costs_what_it_costs_the_robot() {
     assert!(streets.ranking(journeys, &mut || false).is_some());
 }
 
-fn crowds() -> impl Strategy<Value = (GridEnvironment, Vec<u32>, Vec<Vec<u32>>)> {
+/// A map that hangs together, starts, and goals.
+pub(super) fn crowds() -> impl Strategy<Value = (GridEnvironment, Vec<u32>, Vec<Vec<u32>>)> {
     (2_u32..7, 2_u32..7, any::<u64>(), 1_usize..30, 0_u64..4).prop_map(
         |(rows, cols, seed, agents, blocked)| {
             let size = u64::from(rows * cols);

@@ -1,0 +1,314 @@
+//! EPIBT: what its plans keep to, and how far a fleet gets with it.
+
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin};
+use fleetyard_abi::{
+    Budget, GridEnvironment, GridPlan, Heading, Instance, Motion, RestOfPlan, Status, monotonic_ns,
+};
+use fleetyard_plugin_mapf::epibt::run::End;
+use fleetyard_plugin_mapf::plugin::Epibt;
+use fleetyard_testkit::{Case, Notes, grid};
+use proptest::prelude::*;
+
+use super::floor::{Floor, Hasty, Manner, Patient};
+use super::lifelong::crowds;
+
+const MANNER: Manner = Manner {
+    horizon: 4,
+    tries: Some(5),
+    window: 1,
+};
+
+/// Asks the plugin, made with options, in so many seconds. Gives the last plan as well.
+fn ask(case: &Case, options: &str, seconds: u64) -> (Result<(), Failure>, Option<GridPlan>) {
+    let budget = Budget {
+        seed: 7,
+        ..Budget::lasting(monotonic_ns(), seconds * 1_000_000_000)
+    };
+    let notes = Notes::default();
+    let mut planner = Epibt::create(Options::new(options)).unwrap();
+    let mut map = planner
+        .prepare(&case.environment(), &budget, &notes)
+        .unwrap();
+    let said = planner.plan(&mut map, &case.instance, &budget, &notes);
+    let plan = notes.plans.lock().unwrap().pop();
+    (said, plan)
+}
+
+/// The cells of a plan's path, which has to be one.
+fn path_of(case: &Case, options: &str) -> Vec<u32> {
+    let (said, plan) = ask(case, options, 60);
+    assert_eq!(said, Ok(()));
+    let plan = plan.unwrap();
+    let paths: Vec<&[u32]> = plan.paths().collect();
+    assert_eq!(case.judge(&paths, 0), Ok(()));
+    plan.path(0).to_vec()
+}
+
+fn open(rows: u32, cols: u32) -> GridEnvironment {
+    GridEnvironment::four_connected(rows, cols, vec![1; (rows * cols) as usize])
+}
+
+/// One agent with some goals, and a window.
+fn alone(map: GridEnvironment, start: u32, goals: &[u32], window: u32) -> Case {
+    let instance = Instance::one_shot(vec![start], vec![start]);
+    Case { map, instance }.windowed(window, &[goals.to_vec()])
+}
+
+#[test]
+fn a_robot_takes_the_way_with_the_fewest_turns() {
+    let straight = "{\"lane_charge\": 0}";
+    // To the corner across: east first, for which it need not turn.
+    let case = alone(open(3, 4), 0, &[11], 9).turning();
+    let path = path_of(&case, straight);
+    assert_eq!(path, [0, 1, 2, 3, 3, 7, 11]);
+    // A pebble goes there at once, and on to the next goal.
+    let case = alone(open(1, 6), 2, &[4, 3, 5], 5);
+    assert_eq!(path_of(&case, straight), [2, 3, 4, 3, 4, 5]);
+    // Twice a quarter in a dead end, whichever way round.
+    let mut case = alone(open(1, 4), 0, &[3], 6).turning();
+    case.instance.headings = Some(vec![Heading::West]);
+    assert_eq!(path_of(&case, straight), [0, 0, 0, 1, 2, 3]);
+}
+
+#[test]
+fn two_change_places_at_a_bay() {
+    let map = grid::drawn(&[".....", "@@.@@"]);
+    let instance = Instance::one_shot(vec![0, 4], vec![4, 0]);
+    for turning in [false, true] {
+        let case = Case {
+            map: map.clone(),
+            instance: instance.clone(),
+        };
+        let case = if turning { case.turning() } else { case };
+        let case = case.windowed(40, &[vec![4], vec![0]]);
+        let (said, plan) = ask(&case, "", 60);
+        assert_eq!(said, Ok(()));
+        let plan = plan.unwrap();
+        let paths: Vec<&[u32]> = plan.paths().collect();
+        assert_eq!(case.judge(&paths, 0), Ok(()));
+        assert!(paths[0].contains(&4) && paths[1].contains(&0), "{plan:?}");
+    }
+}
+
+#[test]
+fn agents_without_goals_make_room() {
+    let map = grid::drawn(&["....", "@.@@"]);
+    let instance = Instance::one_shot(vec![0, 1], vec![3, 1]);
+    let case = Case { map, instance }.windowed(8, &[vec![3], vec![]]);
+    let path = path_of(&case, "");
+    assert!(path.contains(&3), "{path:?}");
+}
+
+#[test]
+fn four_in_a_square_turn_only_if_they_may() {
+    for rings in [true, false] {
+        let instance = Instance {
+            allows_cycles: rings,
+            ..Instance::one_shot(vec![0, 1, 3, 2], vec![1, 3, 2, 0])
+        };
+        let map = open(2, 2);
+        let lists = [vec![1], vec![3], vec![2], vec![0]];
+        let case = Case { map, instance }.windowed(3, &lists);
+        let path = path_of(&case, "");
+        assert_eq!(path.len() > 1, rings, "{path:?}");
+    }
+}
+
+#[test]
+fn without_a_window_everybody_stays_at_the_last_goal() {
+    for turning in [false, true] {
+        let case = Case::square(8, 12, 2, 5);
+        let case = if turning { case.turning() } else { case };
+        let (said, plan) = ask(&case, "", 60);
+        assert_eq!(said, Ok(()));
+        let paths: Vec<Vec<u32>> = plan.unwrap().paths().map(<[u32]>::to_vec).collect();
+        assert_eq!(case.judge(&paths, 0), Ok(()));
+    }
+    // Two cannot pass.
+    let case = Case::new(&["...."], &[(0, 3), (3, 0)]);
+    let (said, plan) = ask(&case, "{\"step_limit\": 50}", 60);
+    assert_eq!(said.unwrap_err().status, Status::GaveUp);
+    assert!(plan.is_none());
+}
+
+#[test]
+fn the_rest_of_the_last_plan_is_followed_from_the_first_moment_on() {
+    let map = grid::drawn(&["......", "......"]);
+    let instance = Instance::one_shot(vec![0, 6], vec![5, 11]);
+    let mut case = Case { map, instance }.windowed(3, &[vec![5], vec![11]]);
+    // Both go east, and the second one comes up behind the first.
+    let parts = |paths: [&str; 2]| {
+        let paths = paths.map(str::to_owned).to_vec();
+        vec![RestOfPlan { paths }.into()]
+    };
+    let at_once = |case: &Case| {
+        let (said, plan) = ask(case, "", 0);
+        assert_eq!(said.unwrap_err().status, Status::TimedOut);
+        let plan = plan.unwrap();
+        let paths: Vec<Vec<u32>> = plan.paths().map(<[u32]>::to_vec).collect();
+        assert_eq!(case.judge(&paths, 0), Ok(()));
+        paths
+    };
+    assert_eq!(at_once(&case), [vec![0], vec![6]]);
+    case.instance.parts = parts(["EEE", "E.N"]);
+    assert_eq!(at_once(&case), [vec![0, 1, 2, 3], vec![6, 7, 7, 1]]);
+    // Where paths collide, leave the map or are of another shape, agents wait.
+    for paths in [
+        ["SSS", ".N."],
+        ["WWW", "S"],
+        ["x", "E"],
+        ["EEEEEEEE", "SEN"],
+    ] {
+        case.instance.parts = parts(paths);
+        let paths = at_once(&case);
+        assert_eq!(paths[1], [6], "{paths:?}");
+    }
+    // With time, everybody gets on whatever the rest was.
+    let (said, plan) = ask(&case, "", 60);
+    assert_eq!(said, Ok(()));
+    assert_eq!(plan.unwrap().path(1), [6, 7, 8, 9]);
+}
+
+#[test]
+fn wrong_options_and_instances_are_refused() {
+    for options in [
+        "{\"horizon\": 2}",
+        "{\"horizon\": 6}",
+        "{\"tries\": -1}",
+        "{\"tries\": 0.5}",
+        "{\"sideways\": true}",
+        "[]",
+    ] {
+        let made = Epibt::create(Options::new(options));
+        assert_eq!(
+            made.err().map(|failure| failure.status),
+            Some(Status::InvalidInput)
+        );
+    }
+    let reason = Epibt::create(Options::new("{\"horizon\": 6}"))
+        .err()
+        .unwrap();
+    assert!(reason.message.contains("hint: give 3 to 5"), "{reason:?}");
+    let mut case = alone(grid::drawn(&[".@.."]), 2, &[3], 5);
+    case.instance.motion = Motion::AnyAngle;
+    let (said, _) = ask(&case, "", 60);
+    assert_eq!(said.unwrap_err().status, Status::Unsupported);
+    for (start, goal) in [(1, 3), (2, 1), (2, 0)] {
+        let case = alone(grid::drawn(&[".@.."]), start, &[goal], 5);
+        let (said, plan) = ask(&case, "", 60);
+        let failure = said.unwrap_err();
+        assert_eq!(failure.status, Status::InvalidInput, "{failure:?}");
+        assert!(failure.message.contains("hint:"), "{failure:?}");
+        assert!(plan.is_none());
+    }
+}
+
+#[test]
+fn a_number_of_tries_gives_the_same_plan_again() {
+    for turning in [false, true] {
+        let floor = || Floor::new(Case::square(14, 1, 3, 2).map, 70, turning, 2, 4, 3);
+        let (mut one, mut other) = (floor(), floor());
+        for _ in 0..10 {
+            let (plan, _) = one.plan(MANNER, &mut Patient);
+            // Tables of another call make no difference.
+            let _ = other.plan(
+                Manner {
+                    tries: Some(1),
+                    ..MANNER
+                },
+                &mut Patient,
+            );
+            assert_eq!(other.plan(MANNER, &mut Patient).0, plan);
+            one.follow(&plan);
+            other.follow(&plan);
+        }
+    }
+}
+
+#[test]
+fn without_a_number_of_tries_time_is_used_up() {
+    let map = Case::square(14, 1, 3, 2).map;
+    let instance = Instance::one_shot(vec![0], vec![0]);
+    let free = grid::free(&map);
+    let goals: Vec<Vec<u32>> = (0..60)
+        .map(|agent| vec![free[free.len() - 1 - agent]])
+        .collect();
+    let starts = free[..60].to_vec();
+    let instance = Instance { starts, ..instance };
+    let case = Case { map, instance }.windowed(6, &goals);
+    let begin = monotonic_ns();
+    let (said, plan) = ask(&case, "{\"tries\": null}", 1);
+    assert_eq!(said, Ok(()));
+    assert!(monotonic_ns() - begin > 700_000_000);
+    let plan = plan.unwrap();
+    assert_eq!(case.judge(&plan.paths().collect::<Vec<_>>(), 0), Ok(()));
+    assert!(plan.horizon() >= 6);
+}
+
+/// Goals reached in so many steps, by the number of tries.
+fn reached(map: &GridEnvironment, agents: usize, turning: bool, steps: u32) -> [u64; 2] {
+    [0, 5].map(|tries| {
+        let manner = Manner {
+            horizon: 3 + usize::from(turning),
+            tries: Some(tries),
+            window: 1,
+        };
+        Floor::new(map.clone(), agents, turning, 1, 0, 1).drive(steps, manner)
+    })
+}
+
+#[test]
+fn a_crowded_fleet_goes_on() {
+    let map = Case::square(16, 1, 3, 4).map;
+    for (turning, least) in [(false, 160), (true, 70)] {
+        let [plain, searched] = reached(&map, 90, turning, 60);
+        println!("turning: {turning}, {plain} goals, {searched} with the search");
+        assert!(
+            plain > least && searched * 10 > plain * 11,
+            "{plain} {searched}"
+        );
+    }
+}
+
+#[test]
+fn a_crowd_on_a_benchmark_map_gets_as_far_as_the_authors() {
+    let Some((map, scenario)) = grid::movingai("random-32-32-20", 1) else {
+        return;
+    };
+    let map = Case::read(&map, &scenario, 1).unwrap().map;
+    let [plain, searched] = reached(&map, 400, true, 60);
+    // The authors' program makes 3.3 and 5.2 goals a step.
+    assert!(plain > 180 && searched > 300, "{plain} {searched}");
+}
+
+proptest! {
+    #[test]
+    fn plans_are_valid(
+        (map, starts, lists) in crowds(), seed: u64, turning: bool, rings: bool,
+        window in 1_u32..12, horizon in 3_usize..6, tries in 0_u32..6, charge in 0_u32..5,
+        stopped in 0_u32..4, rounds in 1_usize..4,
+    ) {
+        let agents = starts.len();
+        let mut floor = Floor::new(map, agents, turning, 1, charge, seed >> 24);
+        floor.case.instance.starts = starts;
+        floor.case.instance.goals = grid::goals(&lists);
+        floor.case.instance.allows_cycles = rings;
+        if turning {
+            let all = [Heading::North, Heading::East, Heading::South, Heading::West];
+            let look = |agent| all[(grid::mix(seed ^ agent) % 4) as usize];
+            floor.case.instance.headings = Some((0..agents as u64).map(look).collect());
+        }
+        let manner = Manner { horizon, tries: Some(tries), window };
+        for _ in 0..rounds {
+            let (plan, end) = if stopped == 0 {
+                floor.plan(manner, &mut Hasty)
+            } else {
+                floor.plan(manner, &mut Patient)
+            };
+            prop_assert_eq!(floor.judge(&plan), Ok(()));
+            prop_assert!(end == End::Done || stopped == 0);
+            prop_assert!(plan.horizon() <= (window as usize).max(horizon));
+            floor.follow(&plan);
+        }
+    }
+}
