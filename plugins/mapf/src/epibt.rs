@@ -309,6 +309,9 @@ impl<const D: usize> Team<D> {
     pub(crate) fn pass(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
         self.search += 1;
         for at in 0..self.order.len() {
+            if at as u32 % PATIENCE == 0 && stop() {
+                return false;
+            }
             let agent = self.order[at];
             // Whoever was displaced has chosen already.
             if self.fixed[agent as usize] == self.search {

@@ -105,13 +105,16 @@ impl Maker<'_> {
         self.along(errand, &[errand.start; D])
     }
 
-    /// All operations of an agent but to wait are added to a list, and those put into order. Who is
-    /// displaced has to make way: where it may stay, so do those who want to get past it.
+    /// All operations of an agent are added to a list, and those put into order. Only who has nothing
+    /// to go for may wait: where others may stay when they are displaced, so do those who want to get
+    /// past them.
     pub(crate) fn all<const D: usize>(&self, errand: &Errand<'_>, list: &mut Vec<Operation<D>>) {
         let begin = list.len();
         self.extend(errand, self.begin(errand), list);
-        // The first of all.
-        list.swap_remove(begin);
+        if errand.rest(self) > 0 {
+            // To wait is the first of all.
+            list.swap_remove(begin);
+        }
         list[begin..].sort_unstable_by_key(|operation| operation.loss);
     }
 
@@ -203,7 +206,8 @@ impl Maker<'_> {
 
     #[inline]
     fn waited<const D: usize>(&self, errand: &Errand<'_>, mut to: Partial<D>) -> Partial<D> {
-        if self.aim(errand, &to).is_some() {
+        // To be at a goal where it stays costs nothing.
+        if self.aim(errand, &to).is_some_and(|aim| aim.goal != to.at) {
             to.cost += STEP;
         }
         to.cells[to.steps] = to.at;
@@ -253,9 +257,14 @@ impl Maker<'_> {
             cost += aim.from(self.graph, self.moves, from.0, from.1);
             from = (aim.goal, None);
         }
+        // Who wants nothing had better stay.
+        let early = match errand.aims {
+            [] => -i64::from(partial.early),
+            _ => i64::from(partial.early),
+        };
         Operation {
             cells: partial.cells,
-            loss: i64::from(cost) * PREFERENCE - i64::from(partial.early),
+            loss: i64::from(cost) * PREFERENCE - early,
         }
     }
 }

@@ -14,7 +14,7 @@ use fleetyard_plugin_spacetime::random::Random;
 
 use super::Team;
 use super::operations::{Aim, Errand, Maker};
-use crate::streets::ways::{Ways, quarters};
+use crate::streets::ways::{FAR, Ways, quarters};
 use crate::streets::{ByStreet, STEP};
 
 /// Goals of an agent that are looked at in a step.
@@ -82,7 +82,7 @@ pub enum End {
 ///
 /// # Errors
 ///
-/// Starts or goals that are none.
+/// Starts or goals that are none, and goals that cannot be reached.
 pub fn run(
     graph: &Arc<Graph>,
     streets: &mut ByStreet<'_>,
@@ -192,7 +192,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 None => u64::MAX,
             };
             watch.begin(u32::try_from(left).unwrap_or(u32::MAX));
-            self.prepare(&kept);
+            self.prepare(&kept)?;
             let whole = self.team.pass(&mut || watch.stop());
             if whole {
                 self.team.improve(tries, &mut random, &mut || {
@@ -268,7 +268,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
     }
 
     /// Sees to the ways to the next goal of an agent, and to the one after it if it is near.
-    fn look(&mut self, agent: usize) {
+    fn look(&mut self, agent: usize) -> Result<(), ProblemError> {
         loop {
             let Agent {
                 known,
@@ -277,14 +277,23 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 ..
             } = self.agents[agent];
             let number = visited + known;
-            if known == AIMS || number >= goals.len() {
-                return;
-            }
+            let next = goals.get(number).copied();
             if known > 0 {
-                let near = self.errand(agent, |maker, errand| errand.rest(maker));
-                if near > D as u32 * STEP {
-                    return;
+                let rest = self.errand(agent, |maker, errand| errand.rest(maker));
+                if rest >= FAR {
+                    return Err(ProblemError::Unreachable {
+                        agent,
+                        from: self.graph.cell(self.agents[agent].at),
+                        goal: self.graph.cell(self.agents[agent].goals[visited]),
+                        limit: FAR / STEP,
+                    });
                 }
+                if rest > D as u32 * STEP {
+                    return Ok(());
+                }
+            }
+            if known == AIMS || next.is_none() {
+                return Ok(());
             }
             self.agents[agent].ways[known] = self.streets.ways(agent, number);
             self.agents[agent].known += 1;
@@ -319,16 +328,20 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
     }
 
     /// Makes operations for everybody, and gives everybody one to begin with.
-    fn prepare(&mut self, kept: &[[Vertex; D]]) {
+    fn prepare(&mut self, kept: &[[Vertex; D]]) -> Result<(), ProblemError> {
         for agent in 0..self.agents.len() {
-            self.look(agent);
+            self.look(agent)?;
         }
         let urgency: Vec<u64> = (0..self.agents.len())
             .map(|at| {
                 let agent = &self.agents[at];
-                // Those who want nothing go last.
+                // Those who want nothing go last. Without a window everybody else keeps its turn
+                // until it arrives, as in PIBT.
                 let done = agent.is_done();
-                let rest = self.errand(at, |maker, errand| errand.rest(maker));
+                let rest = match self.query.window {
+                    Some(_) => self.errand(at, |maker, errand| errand.rest(maker)),
+                    None => 0,
+                };
                 u64::from(done) << 32 | u64::from(rest)
             })
             .collect();
@@ -346,6 +359,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         }
         *self.team.candidates() = list;
         self.team.settle(&first, &waits);
+        Ok(())
     }
 
     /// Does the first action of everybody. Gives the rest of the operations, with a wait at the end.

@@ -59,7 +59,7 @@ pub(crate) struct Manner {
 }
 
 impl Floor {
-    /// Agents at random cells, each of which knows so many goals, along lanes if moves against them
+    /// Agents at random cells of the largest part of a map, each of which knows so many goals, along lanes if moves against them
     /// are charged.
     pub(crate) fn new(
         map: GridEnvironment,
@@ -69,7 +69,7 @@ impl Floor {
         charge: u32,
         seed: u64,
     ) -> Self {
-        let free = grid::free(&map);
+        let free = largest_part(&map);
         let mut starts = free.clone();
         starts.sort_by_key(|&cell| grid::mix(seed << 40 ^ u64::from(cell)));
         starts.truncate(agents);
@@ -160,11 +160,10 @@ impl Floor {
                 };
             }
             let mut list = self.case.instance.goals[agent].to_vec();
-            while list.first() == Some(&to) {
-                list.remove(0);
-                reached += 1;
-                list.push(self.draw(agent));
-            }
+            let visited = grid::visited(&list, &[to]);
+            list.drain(..visited);
+            reached += visited as u64;
+            list.extend((0..visited).map(|_| self.draw(agent)));
             lists.push(list);
             rest.push_path(path.iter().copied().skip(usize::from(path.len() > 1)));
             self.case.instance.starts[agent] = to;
@@ -194,6 +193,20 @@ impl Floor {
         };
         (0..steps).map(step).sum()
     }
+}
+
+/// The cells of the largest part of a map that hangs together.
+fn largest_part(map: &GridEnvironment) -> Vec<u32> {
+    let mut left = grid::free(map);
+    let mut largest = Vec::new();
+    while let Some(&from) = left.first() {
+        let part = grid::region(map, from);
+        left.retain(|cell| part.binary_search(cell).is_err());
+        if part.len() > largest.len() {
+            largest = part;
+        }
+    }
+    largest
 }
 
 /// A quarter turn from one heading towards another.
