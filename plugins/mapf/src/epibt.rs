@@ -309,7 +309,7 @@ impl<const D: usize> Team<D> {
     pub(crate) fn pass(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
         self.search += 1;
         for at in 0..self.order.len() {
-            if at as u32 % PATIENCE == 0 && stop() {
+            if (at as u32).is_multiple_of(PATIENCE) && stop() {
                 return false;
             }
             let agent = self.order[at];
@@ -333,9 +333,9 @@ impl<const D: usize> Team<D> {
         stop: &mut dyn FnMut() -> bool,
     ) {
         let agents = self.starts.len();
-        let mut tried = 0;
+        let mut tried: u64 = 0;
         while agents > 0 && tries.is_none_or(|tries| tried < tries) {
-            if tried % u64::from(PATIENCE) == 0 && stop() {
+            if tried.is_multiple_of(PATIENCE.into()) && stop() {
                 return;
             }
             tried += 1;
@@ -354,7 +354,7 @@ impl<const D: usize> Team<D> {
         let most = if rank.is_some() { i64::MAX } else { self.loss };
         self.stack.clear();
         self.enter(agent);
-        let mut entered = 0;
+        let mut entered: u32 = 0;
         let mut lost = false;
         while let Some(&top) = self.stack.last() {
             let Frame { agent, before, .. } = top;
@@ -388,7 +388,7 @@ impl<const D: usize> Team<D> {
                 top.displaced = displaced;
             }
             entered += 1;
-            let stopped = entered % PATIENCE == 0 && stop();
+            let stopped = entered.is_multiple_of(PATIENCE) && stop();
             if stopped || rank.is_none() && entered == EFFORT {
                 self.give_up(displaced);
                 return if stopped { Built::Stopped } else { Built::No };

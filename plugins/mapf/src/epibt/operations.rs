@@ -99,6 +99,52 @@ struct Partial<const D: usize> {
     visited: usize,
 }
 
+impl<const D: usize> Partial<D> {
+    /// None of the steps.
+    fn begin(errand: &Errand<'_>) -> Self {
+        let mut partial = Self {
+            cells: [errand.start; D],
+            steps: 0,
+            at: errand.start,
+            heading: errand.heading,
+            waited: 0,
+            cost: 0,
+            early: 0,
+            visited: 0,
+        };
+        partial.arrive(errand);
+        partial
+    }
+
+    /// With a wait.
+    #[inline]
+    fn waited(mut self, errand: &Errand<'_>) -> Self {
+        // To be at a goal where it stays costs nothing.
+        if errand
+            .aims
+            .get(self.visited)
+            .is_some_and(|aim| aim.goal != self.at)
+        {
+            self.cost += STEP;
+        }
+        self.cells[self.steps] = self.at;
+        self.steps += 1;
+        self.waited += 1;
+        self
+    }
+
+    /// Counts the goals that it has come to.
+    #[inline]
+    fn arrive(&mut self, errand: &Errand<'_>) {
+        while let Some(aim) = errand.aims.get(self.visited)
+            && aim.goal == self.at
+            && !(errand.stays && self.visited + 1 == errand.aims.len())
+        {
+            self.visited += 1;
+        }
+    }
+}
+
 impl Maker<'_> {
     /// The operation that is to wait at the start.
     pub(crate) fn wait<const D: usize>(&self, errand: &Errand<'_>) -> Operation<D> {
@@ -110,7 +156,7 @@ impl Maker<'_> {
     /// past them.
     pub(crate) fn all<const D: usize>(&self, errand: &Errand<'_>, list: &mut Vec<Operation<D>>) {
         let begin = list.len();
-        self.extend(errand, self.begin(errand), list);
+        self.extend(errand, Partial::begin(errand), list);
         if errand.rest(self) > 0 {
             // To wait is the first of all.
             list.swap_remove(begin);
@@ -124,11 +170,11 @@ impl Maker<'_> {
         errand: &Errand<'_>,
         cells: &[Vertex; D],
     ) -> Operation<D> {
-        let mut partial = self.begin(errand);
+        let mut partial = Partial::begin(errand);
         for &v in cells {
             partial = match self.direction(partial.at, v) {
                 Some(d) => self.moved(errand, partial, d, v),
-                None => self.waited(errand, partial),
+                None => partial.waited(errand),
             };
         }
         self.end(errand, &partial)
@@ -161,21 +207,6 @@ impl Maker<'_> {
             .position(|&u| u == to && u != self.graph.wall())
     }
 
-    fn begin<const D: usize>(&self, errand: &Errand<'_>) -> Partial<D> {
-        let mut partial = Partial {
-            cells: [errand.start; D],
-            steps: 0,
-            at: errand.start,
-            heading: errand.heading,
-            waited: 0,
-            cost: 0,
-            early: 0,
-            visited: 0,
-        };
-        self.arrive(errand, &mut partial);
-        partial
-    }
-
     fn extend<const D: usize>(
         &self,
         errand: &Errand<'_>,
@@ -186,34 +217,13 @@ impl Maker<'_> {
             list.push(self.end(errand, &partial));
             return;
         }
-        self.extend(errand, self.waited(errand, partial), list);
+        self.extend(errand, partial.waited(errand), list);
         for (d, &v) in self.graph.around(partial.at).iter().enumerate() {
             let turns = partial.heading.map_or(0, |heading| quarters(heading, d));
             if v != self.graph.wall() && (!self.turning || turns <= partial.waited) {
                 self.extend(errand, self.moved(errand, partial, d, v), list);
             }
         }
-    }
-
-    #[inline]
-    fn aim<'a, const D: usize>(
-        &self,
-        errand: &Errand<'a>,
-        partial: &Partial<D>,
-    ) -> Option<&'a Aim<'a>> {
-        errand.aims.get(partial.visited)
-    }
-
-    #[inline]
-    fn waited<const D: usize>(&self, errand: &Errand<'_>, mut to: Partial<D>) -> Partial<D> {
-        // To be at a goal where it stays costs nothing.
-        if self.aim(errand, &to).is_some_and(|aim| aim.goal != to.at) {
-            to.cost += STEP;
-        }
-        to.cells[to.steps] = to.at;
-        to.steps += 1;
-        to.waited += 1;
-        to
     }
 
     #[inline]
@@ -224,7 +234,7 @@ impl Maker<'_> {
         d: usize,
         v: Vertex,
     ) -> Partial<D> {
-        if let Some(aim) = self.aim(errand, &to) {
+        if let Some(aim) = errand.aims.get(to.visited) {
             to.cost += aim.toll(self.moves, to.at, d);
             // What is not paid for by waiting.
             let turns = to.heading.map_or(0, |heading| quarters(heading, d));
@@ -235,18 +245,8 @@ impl Maker<'_> {
         to.early += (D - to.steps) as u32;
         to.steps += 1;
         (to.at, to.heading, to.waited) = (v, to.heading.map(|_| d as u8), 0);
-        self.arrive(errand, &mut to);
+        to.arrive(errand);
         to
-    }
-
-    #[inline]
-    fn arrive<const D: usize>(&self, errand: &Errand<'_>, to: &mut Partial<D>) {
-        while let Some(aim) = self.aim(errand, to)
-            && aim.goal == to.at
-            && !(errand.stays && to.visited + 1 == errand.aims.len())
-        {
-            to.visited += 1;
-        }
     }
 
     #[inline]
