@@ -176,6 +176,7 @@ impl FleetModules {
             grid,
             fleet: bodies.as_ref(),
             tasks: None,
+            starts: None,
         };
         let mut watch = PlannerWatch::default();
         let before = Snapshot::take(None);

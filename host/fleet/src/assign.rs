@@ -33,8 +33,7 @@ pub enum Source {
     /// Tasks in the order of a list, from its beginning again after its end. As many as
     /// `reveal` times the agents are known and not done at a time, at least one.
     ///
-    /// The one that begins nearest (Manhattan) is given to an agent when it has no goals
-    /// any more, or has so few that its way through them ends within the planning window.
+    /// They are given to agents as [`Giving`] says.
     Tasks {
         /// The tasks; all cells are in one part of the map.
         list: TaskList,
@@ -54,9 +53,13 @@ impl Source {
         let has = |role| grid.cells_with(role).next().is_some();
         let has_roles = has(Role::Workstation) && has(Role::Endpoint);
         match (assign, tasks) {
-            (Assign::Auto | Assign::Tasks, Some(list)) => Ok(Self::Tasks { list, reveal }),
-            (Assign::Tasks, None) => Err(InputError::new("assign", "there are no tasks")
-                .hint("give a file of tasks, or assign random goals")),
+            (Assign::Auto | Assign::Tasks | Assign::Generator, Some(list)) => {
+                Ok(Self::Tasks { list, reveal })
+            }
+            (Assign::Tasks | Assign::Generator, None) => {
+                Err(InputError::new("assign", "there are no tasks")
+                    .hint("give a file of tasks, or assign random goals"))
+            }
             (Assign::Random | Assign::Roles, Some(list)) => {
                 let reason = "tasks are given, but goals do not come from tasks";
                 Err(InputError::new(list.source, reason)
@@ -71,6 +74,23 @@ impl Source {
             _ => Ok(Self::Random),
         }
     }
+}
+
+/// The agents that the host gives tasks to, and the tasks that they get. Ways are Manhattan
+/// distances; of several tasks that fit, agents get the oldest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Giving {
+    /// An agent that has no goals any more, or so few that its way through them ends within
+    /// the planning window, gets the task that begins nearest: the agent with the shortest
+    /// way first.
+    #[default]
+    Ahead,
+    /// An agent that has no task gets the one with the shortest way from where it is through
+    /// all its places; agents in their order. So does the League's own scheduler, with lengths of
+    /// ways on the map.
+    Shortest,
+    /// Nobody gets any: the instance generator gives all.
+    Nobody,
 }
 
 /// Cells by the part of the map that they are in.
@@ -173,6 +193,8 @@ struct Open {
     id: u64,
     row: u32,
     col: u32,
+    /// The way from its first place through the others.
+    way: u64,
     released_s: f64,
 }
 
@@ -192,12 +214,15 @@ impl Tasks {
     fn reveal(&mut self, cols: u32, released_s: f64) {
         while self.ongoing < self.reveal {
             let id = self.next;
-            let cell = self.cells(id)[0];
-            let (row, col) = (cell / cols, cell % cols);
+            let cells = self.cells(id);
+            let (row, col) = (cells[0] / cols, cells[0] % cols);
+            let steps = cells.windows(2);
+            let way = steps.map(|step| u64::from(manhattan(step[0], step[1], cols)));
             self.open.push(Open {
                 id,
                 row,
                 col,
+                way: way.sum(),
                 released_s,
             });
             self.next += 1;
@@ -218,10 +243,14 @@ impl Tasks {
         });
     }
 
-    /// The open task that begins nearest to a cell, the oldest of several.
-    fn nearest(&self, (row, col): (u32, u32)) -> Option<usize> {
-        let distance = |open: &Open| row.abs_diff(open.row) + col.abs_diff(open.col);
-        (0..self.open.len()).min_by_key(|at| distance(&self.open[*at]))
+    /// The open task that begins nearest to a cell, or with `through` has the shortest way
+    /// from there through its places; the oldest of several.
+    fn nearest(&self, (row, col): (u32, u32), through: bool) -> Option<usize> {
+        let way = |open: &Open| {
+            let begin = row.abs_diff(open.row) + col.abs_diff(open.col);
+            u64::from(begin) + if through { open.way } else { 0 }
+        };
+        (0..self.open.len()).min_by_key(|at| way(&self.open[*at]))
     }
 }
 
@@ -234,6 +263,7 @@ pub struct Assigner {
     cols: u32,
     random: SeededRandom,
     draw: Draw,
+    giving: Giving,
     streams: Vec<Stream>,
     /// Simulated time.
     now_s: f64,
@@ -313,8 +343,16 @@ impl Assigner {
             cols: grid.cols(),
             random: SeededRandom::new("fleet goals", seed),
             draw,
+            giving: Giving::default(),
             streams: starts.iter().map(stream).collect(),
         }
+    }
+
+    /// Tasks are given like this.
+    #[must_use]
+    pub fn giving(mut self, giving: Giving) -> Self {
+        self.giving = giving;
+        self
     }
 
     /// Number of agents.
@@ -419,11 +457,10 @@ impl Assigner {
     /// one: as many as it takes for the Manhattan way through them to be longer than the
     /// window, and at least two.
     ///
-    /// Tasks are given to agents here, first to those that have the shortest way left,
-    /// then in their order. An agent may have fewer goals then; if it has none, because
-    /// nobody has a task for it, its only goal here is the cell where it will be.
+    /// Tasks are given to agents here ([`Giving`]). An agent may have fewer goals then; if it has
+    /// none, because nobody has a task for it, its only goal here is the cell where it will be.
     pub fn upcoming(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) -> Goals {
-        self.give_nearest(cells, next_goal, window_steps);
+        self.give_tasks(cells, next_goal, window_steps);
         let mut goals = Goals::with_capacity(cells.len(), 2 * cells.len());
         for (agent, (&cell, &next)) in cells.iter().zip(next_goal).enumerate() {
             let (mut at, mut way) = (cell, 0);
@@ -448,11 +485,28 @@ impl Assigner {
         goals
     }
 
-    fn give_nearest(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) {
+    fn give_tasks(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) {
         let Draw::Tasks(tasks) = &mut self.draw else {
             return;
         };
         let cols = self.cols;
+        match self.giving {
+            Giving::Nobody => return,
+            Giving::Shortest => {
+                for (agent, stream) in self.streams.iter_mut().enumerate() {
+                    if next_goal[agent] < stream.end() {
+                        continue;
+                    }
+                    let at = (cells[agent] / cols, cells[agent] % cols);
+                    let Some(nearest) = tasks.nearest(at, true) else {
+                        break;
+                    };
+                    tasks.give(nearest, agent, stream, self.now_s);
+                }
+                return;
+            }
+            Giving::Ahead => {}
+        }
         // The way of an agent through the goals that it has, if it may need more.
         let way_left = |agent: usize, stream: &Stream| {
             let (mut at, mut way) = (cells[agent], 0);
@@ -470,7 +524,7 @@ impl Assigner {
             })
             .collect();
         while let Some(Reverse((_, agent, at))) = waiting.pop() {
-            let Some(nearest) = tasks.nearest((at / cols, at % cols)) else {
+            let Some(nearest) = tasks.nearest((at / cols, at % cols), false) else {
                 break;
             };
             let stream = &mut self.streams[agent];
@@ -478,6 +532,14 @@ impl Assigner {
             if let Some((way, at)) = way_left(agent, stream) {
                 waiting.push(Reverse((way, agent, at)));
             }
+        }
+    }
+
+    /// True per agent that has a task which is not done, if goals come from tasks.
+    pub fn busy(&self) -> Vec<bool> {
+        match &self.draw {
+            Draw::Tasks(tasks) => tasks.given.iter().map(|given| !given.is_empty()).collect(),
+            _ => Vec::new(),
         }
     }
 

@@ -80,7 +80,29 @@ impl std::error::Error for Refused {}
 /// cell, those whose paths have ended included, or exchange cells. What is behind the
 /// window is not executed. Goals are not looked at.
 pub fn judge(grid: &Grid, instance: &Instance, plan: GridPlan) -> Result<Batch, Box<Refused>> {
+    judge_within(grid, instance, instance.window_steps, plan)
+}
+
+/// Judges a plan of which a step at a time is executed: as [`judge`] does, or by its first step
+/// alone if agents collide later in the window. Nothing behind that step is executed then.
+pub fn judge_first(
+    grid: &Grid,
+    instance: &Instance,
+    plan: GridPlan,
+) -> Result<Batch, Box<Refused>> {
     let window = instance.window_steps;
+    judge_within(grid, instance, window, plan).or_else(|refused| match window {
+        1 => Err(refused),
+        _ => judge_within(grid, instance, 1, refused.plan),
+    })
+}
+
+fn judge_within(
+    grid: &Grid,
+    instance: &Instance,
+    window: u32,
+    plan: GridPlan,
+) -> Result<Batch, Box<Refused>> {
     let turning = instance.motion == Motion::Rotation;
     let terms = Terms {
         grid,

@@ -13,10 +13,11 @@ use fleetyard_abi::{
 use fleetyard_core::{Connectivity, Grid, GridPlan};
 use fleetyard_runtime::{Fault, Generated, PlanRun, Termination};
 
-use crate::batch::{Batch, judge};
+use crate::batch::Batch;
 use crate::memory::Memory;
 use crate::modules::{Module, budget};
 use crate::recording::{KeptBytes, Notice};
+use crate::run::judge_by;
 use crate::{By, EventKind, FleetConfig, FleetError};
 
 /// A call.
@@ -28,6 +29,8 @@ pub(crate) struct Call {
     pub(crate) state: FleetState,
     /// The memory that goes with it to those who read it.
     pub(crate) memory: Memory,
+    /// True per agent that may be given no task, for it has one; none if that does not matter.
+    pub(crate) busy: Vec<bool>,
 }
 
 /// The answer to a call.
@@ -46,6 +49,8 @@ pub(crate) struct Answer {
     pub(crate) motion: Motion,
     /// Wall-clock time of the planner, if it was asked.
     pub(crate) planner_ms: Option<f64>,
+    /// Processor time of the planner, if it was asked and that is known.
+    pub(crate) planner_cpu_ms: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     pub(crate) recovery_ms: Option<f64>,
     /// Bytes that modules kept, where they are others than before.
@@ -103,9 +108,22 @@ impl Pipeline {
                  `distinct-one-goal`, or choose another planner",
             ),
         ];
+        if self.config.is_synchronous()
+            && self.config.motion == Motion::Rotation
+            && !self.fail_policy.capabilities().has(Capability::Rotation)
+        {
+            return Err(FleetError::Incapable {
+                kind: Kind::FailPolicy,
+                name: self.fail_policy.info().name.clone(),
+                missing: Capability::Rotation,
+                hint: "choose another fail policy: by synchronous rules robots turn in steps of \
+                       the plan",
+            });
+        }
         for (needed, missing, hint) in needs {
             if needed && !can.has(missing) {
                 return Err(FleetError::Incapable {
+                    kind: Kind::Planner,
                     name: self.planner.info().name.clone(),
                     missing,
                     hint,
@@ -147,6 +165,7 @@ impl Pipeline {
             by: By::Nobody,
             motion: state.next.motion,
             planner_ms: None,
+            planner_cpu_ms: None,
             recovery_ms: None,
             kept: Vec::new(),
             notices: Vec::new(),
@@ -196,7 +215,7 @@ impl Pipeline {
         )?;
         let kept = call.memory.news(self.generator.info(), kept);
         answer.kept.extend(kept);
-        match self.check(&call.state, &made) {
+        match self.check(call, &made) {
             Ok(()) => Some(made),
             Err(message) => {
                 answer.notices.push(Notice {
@@ -210,7 +229,8 @@ impl Pipeline {
     }
 
     /// Refuses a request for an instance that the planner may not be asked.
-    fn check(&self, state: &FleetState, request: &Request) -> Result<(), String> {
+    fn check(&self, call: &Call, request: &Request) -> Result<(), String> {
+        let state = &call.state;
         let (next, agents) = (&state.next, state.next.agents());
         request.check(agents, self.grid.cell_count() as usize)?;
         if request.window_steps > next.window_steps {
@@ -269,6 +289,7 @@ impl Pipeline {
             }
         }
         let mut given: Vec<u64> = Vec::new();
+        let mut busy = call.busy.clone();
         for Assignment { agent, task } in &request.assignments {
             let agent = *agent as usize;
             let open = state.tasks.iter().find(|open| open.id == *task);
@@ -281,6 +302,14 @@ impl Pipeline {
             open.places
                 .iter()
                 .try_for_each(|cell| may_go(agent, *cell))?;
+            if let Some(busy) = busy.get_mut(agent)
+                && std::mem::replace(busy, true)
+            {
+                return Err(format!(
+                    "task {task} is given to agent {agent}, which has one: by synchronous rules \
+                     agents have one task at a time"
+                ));
+            }
             given.push(*task);
         }
         given.sort_unstable();
@@ -308,6 +337,7 @@ impl Pipeline {
         let kept = call.memory.news(self.planner.info(), run.kept.take());
         answer.kept.extend(kept);
         answer.planner_ms = Some(milliseconds(&run));
+        answer.planner_cpu_ms = run.usage.cpu_us.map(|cpu_us| cpu_us as f64 / 1000.0);
         let mut notice = |kind, message| {
             answer.notices.push(Notice {
                 kind,
@@ -326,7 +356,7 @@ impl Pipeline {
             }
             return None;
         };
-        match judge(&self.grid, instance, plan) {
+        match judge_by(&self.config)(&self.grid, instance, plan) {
             Ok(batch) => {
                 answer.batch = Some(batch);
                 answer.by = By::Planner;
@@ -408,7 +438,7 @@ impl Pipeline {
             }
             return;
         };
-        match judge(&self.grid, &instance, plan) {
+        match judge_by(&self.config)(&self.grid, &instance, plan) {
             Ok(batch) => {
                 answer.batch = Some(batch);
                 answer.by = By::FailPolicy;

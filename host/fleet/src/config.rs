@@ -3,9 +3,9 @@
 use std::f64::consts::FRAC_PI_2;
 
 use fleetyard_abi::{Kind, Motion};
-use fleetyard_core::{Hasher, words};
+use fleetyard_core::{Hasher, InputError, words};
 use fleetyard_sim::motion::Model;
-use fleetyard_sim::{Fleet, SimConfig};
+use fleetyard_sim::{Fleet, SimConfig, Tier};
 use serde::{Deserialize, Serialize};
 
 use crate::FleetError;
@@ -27,6 +27,22 @@ words!(Clock {
     Realtime = "realtime", "When it is there, while simulated time follows the wall clock";
 });
 
+/// The rules of execution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Rules {
+    /// Robots drive as their models do, in the order of passing, while the planner plans.
+    #[default]
+    Driven,
+    /// All robots do one step of the plan at a time, just as it says, and stand while the
+    /// planner plans: the rules of the League of Robot Runners.
+    Synchronous,
+}
+
+words!(Rules {
+    Driven = "driven", "Robots drive as their models do, in the order of passing, while the planner plans";
+    Synchronous = "synchronous", "All robots do one step of the plan at a time, as it says, and stand while the planner plans (League of Robot Runners)";
+});
+
 /// Origin of the goals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Assign {
@@ -39,13 +55,16 @@ pub enum Assign {
     Roles,
     /// A list of tasks that are revealed as others are done.
     Tasks,
+    /// The same, of which the host gives none: the instance generator does.
+    Generator,
 }
 
 words!(Assign {
     Auto = "auto", "Tasks if a file names some, roles if the map has them, random cells else";
     Random = "random", "Free cells at random";
     Roles = "roles", "Workstations and endpoints of the map in turn";
-    Tasks = "tasks", "The tasks of --tasks";
+    Tasks = "tasks", "The tasks of --tasks or --instance";
+    Generator = "generator", "The same tasks, given to robots by the instance generator alone";
 });
 
 /// The commitment of robots when the planner is called.
@@ -105,6 +124,8 @@ pub struct FleetConfig {
     pub window_s: f64,
     /// Limit T of a planner's call in seconds, rounded up to whole blocks.
     pub limit_s: f64,
+    /// The rules of execution.
+    pub rules: Rules,
     /// The time at which an answer takes effect.
     pub clock: Clock,
     /// The commitment of robots when the planner is called.
@@ -139,6 +160,7 @@ impl Default for FleetConfig {
             duration_s: 600.0,
             window_s: 10.0,
             limit_s: 1.0,
+            rules: Rules::Driven,
             clock: Clock::Lockstep,
             cut: CutBy::Time,
             seed: 0,
@@ -156,6 +178,70 @@ impl Default for FleetConfig {
 }
 
 impl FleetConfig {
+    /// The same by synchronous rules: a block is a step.
+    #[must_use]
+    pub fn synchronous(mut self) -> Self {
+        self.rules = Rules::Synchronous;
+        self.sim.message_period_s = self.sim.step_s;
+        self
+    }
+
+    /// True if all robots do a step of the plan at a time.
+    pub fn is_synchronous(&self) -> bool {
+        self.rules == Rules::Synchronous
+    }
+
+    /// Refuses what synchronous rules have no place for.
+    fn validate_synchronous(&self) -> Result<(), FleetError> {
+        let SimConfig {
+            step_s,
+            ticks_hz,
+            message_period_s,
+            tier,
+            disturbance,
+            ..
+        } = &self.sim;
+        let ticks = step_s * f64::from(*ticks_hz);
+        let disturbance = fleetyard_sim::noise::Disturbance {
+            seed: 0,
+            ..*disturbance
+        };
+        let wrong = [
+            (
+                self.clock != Clock::Lockstep,
+                "the clock is `realtime`",
+                "leave the clock out: robots stand while the planner plans",
+            ),
+            (
+                self.dwell_s > 0.0,
+                "robots dwell at goals",
+                "leave the dwell out: a goal is reached at the end of a step",
+            ),
+            (
+                *tier != Tier::Kinematic,
+                "the tier is `contact`",
+                "leave the tier out: robots are where the plan says",
+            ),
+            (
+                disturbance != Default::default(),
+                "robots or messages are disturbed",
+                "leave delays, noise and losses out: robots are where the plan says",
+            ),
+            (
+                message_period_s != step_s || ticks.fract() != 0.0,
+                "a step is no whole number of ticks",
+                "give a step and ticks per second whose product is whole, such as 1 and 60",
+            ),
+        ];
+        match wrong.into_iter().find(|(is_wrong, ..)| *is_wrong) {
+            Some((_, reason, hint)) => {
+                let reason = format!("{reason}, which synchronous rules do not know");
+                Err(InputError::new("rules", reason).hint(hint).into())
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Refuses numbers with which no run is possible.
     pub fn validate(&self) -> Result<(), FleetError> {
         let range = |field, value: f64, low: f64, high: f64, hint| {
@@ -239,6 +325,9 @@ impl FleetConfig {
                 day,
                 "give seconds between 0.001 and a day",
             )?;
+        }
+        if self.is_synchronous() {
+            self.validate_synchronous()?;
         }
         Ok(self.sim.validate()?)
     }

@@ -36,8 +36,10 @@ pub enum FleetError {
         fault: Fault,
     },
     /// A plugin does not claim what the run needs.
-    #[error("planner `{name}` does not support `{}`", missing.as_str())]
+    #[error("{kind} `{name}` does not support `{}`", missing.as_str())]
     Incapable {
+        /// Its kind.
+        kind: fleetyard_abi::Kind,
         /// The user's name for it.
         name: String,
         /// The capability that is needed.

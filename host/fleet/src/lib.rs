@@ -9,6 +9,7 @@ pub mod assign;
 pub mod batch;
 mod call;
 mod config;
+mod course;
 mod error;
 mod memory;
 mod modules;
@@ -16,14 +17,16 @@ mod outcome;
 mod recording;
 mod run;
 mod series;
+pub mod steps;
 
-pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig};
+pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig, Rules};
 pub use error::FleetError;
 pub use fleetyard_sim::trace::By;
 pub use memory::{PERIOD_S, TIME_CONSTANT_S, memory_of};
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
     CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
+    StepMetrics,
 };
 pub use recording::{End, Header, KeptBytes, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
 pub use run::{Ground, Watch, replay, resume, run, step_s};

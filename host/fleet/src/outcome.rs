@@ -130,6 +130,19 @@ impl CallTimes {
     }
 }
 
+/// Figures of a run by synchronous rules, as the League of Robot Runners has them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct StepMetrics {
+    /// Steps that were done.
+    pub steps: u64,
+    /// Tasks done per step, where there are tasks.
+    pub tasks_per_step: Option<f64>,
+    /// Goals reached per step; of tasks these are their errands.
+    pub goals_per_step: f64,
+    /// Calls without a plan of the planner that was in time and might be driven.
+    pub unplanned: u64,
+}
+
 /// The figures that runs are compared by.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetMetrics {
@@ -149,6 +162,9 @@ pub struct FleetMetrics {
     pub all_waits: u64,
     /// Wall-clock times of the planner's calls.
     pub planner_time_ms: CallTimes,
+    /// Processor times of the planner's calls, where they are known of all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner_cpu_ms: Option<CallTimes>,
     /// Wall-clock times of the fail policy's calls.
     pub fail_policy_time_ms: CallTimes,
     /// Share of robots and time spent standing still, be it to wait or at a goal.
@@ -163,6 +179,9 @@ pub struct FleetMetrics {
     pub restarts: u64,
     /// Tasks of which every goal was reached, where there are tasks.
     pub tasks_done: Option<u64>,
+    /// Figures per step, by synchronous rules.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub synchronous: Option<StepMetrics>,
     /// The number of events of each kind, also of those that are not listed.
     pub event_counts: BTreeMap<EventKind, u64>,
 }

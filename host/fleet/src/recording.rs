@@ -129,6 +129,9 @@ pub struct Round {
     /// Wall-clock time of the planner, if it was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner_ms: Option<f64>,
+    /// Processor time of the planner, if it was asked and that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner_cpu_ms: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovery_ms: Option<f64>,
@@ -322,6 +325,7 @@ impl Recording {
                     }
                     for (key, time_ms) in [
                         ("planner_ms", round.planner_ms),
+                        ("planner_cpu_ms", round.planner_cpu_ms),
                         ("recovery_ms", round.recovery_ms),
                     ] {
                         if let Some(time_ms) = time_ms.filter(|time| !CALL_MS.contains(time)) {

@@ -9,24 +9,27 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Robot, SharedEnvironment};
+use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Motion, Robot, SharedEnvironment};
 use fleetyard_core::formats::TaskList;
-use fleetyard_core::{Connectivity, Digest, Grid, Hasher, InputError, OFF_MAP};
+use fleetyard_core::{Connectivity, Digest, Grid, GridPlan, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
+use fleetyard_sim::motion::Model;
 use fleetyard_sim::trace::{Entry, Goal, Happening, Remark};
-use fleetyard_sim::{Fleet, Live, NoTrace, Order, SimError, TraceSink};
+use fleetyard_sim::{Fleet, Live, NoTrace, SimError, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
 use crate::answers::{Answers, Plugins, Replay, broken};
-use crate::assign::{Assigner, Source};
-use crate::batch::{Batch, judge};
+use crate::assign::{Assigner, Giving, Source};
+use crate::batch::{Batch, Refused, judge, judge_first};
 use crate::call::{Answer, Call, Pipeline, ask};
+use crate::course::Course;
 use crate::memory::Keeper;
 use crate::modules::{ModuleInfo, Modules};
 use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
+use crate::steps::Steps;
 use crate::{
-    Clock, CutBy, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
+    Assign, Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
 };
 
 /// The map and the fleet of a run.
@@ -38,10 +41,13 @@ pub struct Ground<'a> {
     pub fleet: Option<&'a Fleet>,
     /// The tasks, where there are some.
     pub tasks: Option<&'a TaskList>,
+    /// Cells in which the first robots of the run start, looking east; without them they start
+    /// in cells that are drawn, looking north.
+    pub starts: Option<&'a [u32]>,
 }
 
 impl Ground<'_> {
-    /// Digest of robots and tasks.
+    /// Digest of robots, tasks and starts.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new("fleetyard.ground/2");
         hasher.value(&self.fleet.map(Fleet::profiles));
@@ -49,7 +55,68 @@ impl Ground<'_> {
         // A file of tasks is the same wherever it lies.
         let tasks = self.tasks.map(|list| &list.tasks);
         hasher.value(&tasks);
+        // Runs without starts of their own keep their digests.
+        if let Some(starts) = self.starts {
+            hasher.u32s(starts);
+        }
         hasher.finish()
+    }
+
+    /// Where the robots are at the start, and where they look.
+    fn assigner(&self, config: &FleetConfig) -> Result<(Assigner, Heading), FleetError> {
+        let source = Source::new(config.assign, self.grid, self.tasks.cloned(), config.reveal)?;
+        let agents = config.agents as usize;
+        let (assigner, heading) = match self.starts {
+            Some(starts) => {
+                let first = starts.get(..agents).ok_or_else(|| {
+                    let reason = format!("{agents} robots, but {} starts", starts.len());
+                    InputError::new("agents", reason)
+                        .hint(format!("ask for 1 to {} robots", starts.len()))
+                })?;
+                let assigner = Assigner::with_starts(self.grid, source, first, config.seed)?;
+                (assigner, Heading::East)
+            }
+            None => {
+                let assigner = Assigner::new(self.grid, source, agents, config.seed)?;
+                (assigner, Heading::North)
+            }
+        };
+        let giving = match (config.assign, config.is_synchronous()) {
+            (Assign::Generator, _) => Giving::Nobody,
+            (_, true) => Giving::Shortest,
+            (_, false) => Giving::Ahead,
+        };
+        Ok((assigner.giving(giving), heading))
+    }
+
+    /// True if turns take steps by synchronous rules. Refuses robots that do not do a step in a
+    /// step, and planners that are told otherwise.
+    fn turns_in_steps(&self, config: &FleetConfig) -> Result<bool, InputError> {
+        let models = self.fleet.map_or(&[][..], Fleet::profiles);
+        let turning = models
+            .iter()
+            .all(|profile| matches!(profile.model, Model::Rotation(_)));
+        let turning = turning && !models.is_empty();
+        let wrong = |reason: String, hint: &str| Err(InputError::new("rules", reason).hint(hint));
+        let ideal = models.is_empty() || turning;
+        if !ideal {
+            let reason = "by synchronous rules robots are pebbles, or all of the model `rotation`";
+            return wrong(reason.into(), "take the model `rotation` or `pebble`");
+        }
+        let motion = if turning {
+            Motion::Rotation
+        } else {
+            Motion::Pebble
+        };
+        if config.motion != motion {
+            let reason = format!(
+                "planners are told the motion `{}`, but robots have `{}`",
+                config.motion.as_str(),
+                motion.as_str()
+            );
+            return wrong(reason, "leave the motion out, or take the other model");
+        }
+        Ok(turning)
     }
 
     /// The header of a recording of a run here.
@@ -235,7 +302,7 @@ struct Run<'a> {
     ground: &'a Ground<'a>,
     config: &'a FleetConfig,
     live: Live<'a>,
-    adg: Adg,
+    course: Course,
     assigner: Assigner,
     keeper: Keeper,
     tally: Tally,
@@ -247,7 +314,8 @@ struct Run<'a> {
     robots: Vec<Robot>,
     /// Notices that belong to the next call, which was not made yet.
     early: Vec<Notice>,
-    /// Blocks in all, and of a planner's limit.
+    /// Blocks in all, and from a call to its effect in `lockstep`: of a planner's limit, but by
+    /// synchronous rules none.
     blocks: u64,
     limit: u64,
     block: u64,
@@ -270,18 +338,29 @@ impl<'a> Run<'a> {
     ) -> Result<Self, FleetError> {
         config.validate()?;
         let grid = ground.grid;
-        let source = Source::new(config.assign, grid, ground.tasks.cloned(), config.reveal)?;
-        let assigner = Assigner::new(grid, source, config.agents as usize, config.seed)?;
+        let (assigner, heading) = ground.assigner(config)?;
         let starts = assigner.starts();
-        let poses: Vec<(u32, f64)> = starts.iter().map(|cell| (*cell, FRAC_PI_2)).collect();
-        let live = Live::new(&config.sim, grid, ground.fleet, &poses)?;
-        let headings = vec![Heading::North; starts.len()];
-        let costs = Costs {
-            quarter_turn: u32::from(turns(ground.fleet)),
-            dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
+        let heading_rad = match heading {
+            Heading::North => FRAC_PI_2,
+            heading => heading.radians(),
         };
-        let mut adg = Adg::new(grid, &starts, &headings, costs)
-            .map_err(|error| FleetError::Broken(error.to_string()))?;
+        let poses: Vec<(u32, f64)> = starts.iter().map(|cell| (*cell, heading_rad)).collect();
+        let mut live = Live::new(&config.sim, grid, ground.fleet, &poses)?;
+        let mut course = if config.is_synchronous() {
+            let turning = ground.turns_in_steps(config)?;
+            if turning {
+                live = live.with_headings();
+            }
+            Course::Synchronous(Steps::new(grid.cols(), &starts, heading, turning))
+        } else {
+            let headings = vec![heading; starts.len()];
+            let costs = Costs {
+                quarter_turn: u32::from(turns(ground.fleet)),
+                dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
+            };
+            let adg = Adg::new(grid, &starts, &headings, costs);
+            Course::Driven(adg.map_err(|error| FleetError::Broken(error.to_string()))?)
+        };
         let period_s = live.period_s();
         let in_blocks = |seconds: f64| (seconds / period_s - 1e-9).ceil().max(1.0) as u64;
         let blocks = in_blocks(config.duration_s);
@@ -297,7 +376,7 @@ impl<'a> Run<'a> {
             (period_s, config.sim.step_s),
         );
         if keeper.wants_rest() {
-            adg.tell_rest();
+            course.tell_rest();
         }
         // An answer that is in effect after the last block is never waited for.
         if let Some(recording) = recording.filter(|recording| recording.last_block() > blocks) {
@@ -316,11 +395,14 @@ impl<'a> Run<'a> {
         let answers = answers.start(|modules| start(ground, config, modules))?;
         Ok(Self {
             tally: Tally::new(config, period_s, grid.cell_count()),
-            limit: in_blocks(config.limit_s),
+            limit: match config.is_synchronous() {
+                true => 0,
+                false => in_blocks(config.limit_s),
+            },
             ground,
             config,
             live,
-            adg,
+            course,
             assigner,
             keeper,
             log: Log {
@@ -366,13 +448,15 @@ impl<'a> Run<'a> {
                 Some(Ended::Interrupted)
             } else {
                 self.decide()?;
-                None
+                // Where the robots stand while the planner plans, its answer is due at once.
+                let goes_on = self.limit > 0 || self.take_answer(watch)?;
+                (!goes_on).then_some(Ended::Interrupted)
             };
             self.tell(watch)?;
             if let Some(ended) = over {
                 return Ok(ended);
             }
-            self.tally.adg_nodes(self.adg.pending());
+            self.tally.adg_nodes(self.course.pending());
             self.drive(watch, started)?;
         }
     }
@@ -393,7 +477,7 @@ impl<'a> Run<'a> {
     fn learn(&mut self) {
         let Self {
             live,
-            adg,
+            course,
             assigner,
             keeper,
             tally,
@@ -402,23 +486,40 @@ impl<'a> Run<'a> {
         } = self;
         let tick = live.tick();
         assigner.set_time(live.now_s());
-        for &agent in live.news() {
-            let agent = agent as usize;
-            adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
-                keeper.done(agent, node.cell);
-                if let Some(goal) = node.goal {
-                    tally.goals_reached += 1;
-                    assigner.reached(agent, goal);
-                    log.entries.push(Entry {
-                        tick,
-                        what: Happening::Reached {
-                            agent: agent as u32,
-                            number: goal,
-                        },
-                    });
-                    log.aim(tick, assigner, agent, goal + 1);
-                }
+        let mut reached = |assigner: &mut Assigner, agent: usize, goal: u32| {
+            tally.goals_reached += 1;
+            assigner.reached(agent, goal);
+            log.entries.push(Entry {
+                tick,
+                what: Happening::Reached {
+                    agent: agent as u32,
+                    number: goal,
+                },
             });
+            log.aim(tick, assigner, agent, goal + 1);
+        };
+        match course {
+            Course::Driven(adg) => {
+                for &agent in live.news() {
+                    let agent = agent as usize;
+                    adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
+                        keeper.done(agent, node.cell);
+                        if let Some(goal) = node.goal {
+                            reached(assigner, agent, goal);
+                        }
+                    });
+                }
+            }
+            Course::Synchronous(steps) => steps.learn(&mut |agent, cell, goal, moved| {
+                if moved {
+                    keeper.done(agent, cell);
+                }
+                let is_there = assigner.goal(agent, goal) == cell;
+                if is_there {
+                    reached(assigner, agent, goal);
+                }
+                is_there
+            }),
         }
         keeper.block(self.block);
     }
@@ -497,6 +598,7 @@ impl<'a> Run<'a> {
             by: answer.by,
             paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
             planner_ms: answer.planner_ms,
+            planner_cpu_ms: answer.planner_cpu_ms,
             recovery_ms: answer.recovery_ms,
             kept: answer.kept,
             notices,
@@ -561,8 +663,8 @@ impl<'a> Run<'a> {
         self.appended = self.block;
         let assigner = &mut self.assigner;
         let appended = self
-            .adg
-            .append(&batch, &mut |agent, index| assigner.goal(agent, index))
+            .course
+            .append(batch, &mut |agent, index| assigner.goal(agent, index))
             .map_err(|error| FleetError::Broken(error.to_string()))?;
         let (rings, stopped) = (appended.rings_cut, appended.stopped);
         if rings > 0 {
@@ -578,7 +680,7 @@ impl<'a> Run<'a> {
             self.log.notice(tick, call, &notice);
         }
         // A tenth of a millisecond per thousand robots; a sample is enough of it.
-        if round.call.is_multiple_of(16) && !self.adg.is_acyclic() {
+        if round.call.is_multiple_of(16) && !self.course.is_acyclic() {
             return Err(FleetError::Broken(format!(
                 "the dependency graph has a cycle after call {}",
                 round.call
@@ -590,7 +692,7 @@ impl<'a> Run<'a> {
     /// Calls the planner if it is time to.
     fn decide(&mut self) -> Result<(), FleetError> {
         let period_s = self.live.period_s();
-        self.idle = if self.adg.pending() == 0 {
+        self.idle = if self.course.pending() == 0 {
             self.idle + 1
         } else {
             0
@@ -635,13 +737,15 @@ impl<'a> Run<'a> {
 
     /// Asks the invocation policy. Where it fails, the host calls.
     fn policy_invokes(&mut self, opening: &mut Vec<Notice>) -> Result<bool, FleetError> {
-        let agents = 0..self.adg.agents();
+        let agents = 0..self.course.agents();
         let status = FleetStatus {
             time_s: self.live.now_s(),
             since_last_call_s: (self.block - self.called) as f64 * self.live.period_s(),
             planning_limit_s: self.config.limit_s,
             action_s: self.config.sim.step_s,
-            actions_left: agents.map(|agent| self.adg.actions_left(agent)).collect(),
+            actions_left: agents
+                .map(|agent| self.course.actions_left(agent))
+                .collect(),
         };
         let plugins = self.answers.plugins_mut()?;
         let wall_s = self.config.allowance.call_s;
@@ -660,16 +764,10 @@ impl<'a> Run<'a> {
     fn cut(&mut self) -> Cut {
         let (config, fleet) = (self.config, self.ground.fleet);
         let since_s = (self.block - self.appended) as f64 * self.live.period_s();
-        match config.cut {
-            CutBy::Time => {
-                self.adg
-                    .cut_within(config.horizon_s(fleet), since_s, &config.pace(fleet))
-            }
-            CutBy::Actions => self.adg.cut(config.lookahead(fleet)),
-        }
+        self.course.cut(config, fleet, since_s)
     }
 
-    /// Cuts the graph and asks about what is behind the cut.
+    /// Cuts what is planned, and asks about what is behind the cut.
     fn call(&mut self, opening: Vec<Notice>) -> Result<(), FleetError> {
         let config = self.config;
         let mut cut = self.cut();
@@ -716,10 +814,17 @@ impl<'a> Run<'a> {
                         motion: config.motion,
                         radius_m: radius_m(self.ground.fleet, config),
                         robots: self.robots.clone(),
+                        // Robots that are driven would wait for each other.
+                        allows_cycles: config.is_synchronous(),
                         ..Instance::default()
                     },
                     tasks: self.assigner.open_tasks(),
                     parts: Vec::new(),
+                },
+                // One task at a time, as the League has it.
+                busy: match config.is_synchronous() {
+                    true => self.assigner.busy(),
+                    false => Vec::new(),
                 },
             })?;
         }
@@ -742,22 +847,12 @@ impl<'a> Run<'a> {
     /// Sends robots what they may do, and lets them drive for one block.
     fn drive(&mut self, watch: &mut dyn Watch, started: Instant) -> Result<(), FleetError> {
         let Self {
-            live, adg, config, ..
+            live,
+            course,
+            config,
+            ..
         } = self;
-        adg.enqueue(config.queue, &mut |agent, node| {
-            let dwell_s = if node.goal.is_some() {
-                config.dwell_s
-            } else {
-                0.0
-            };
-            live.send(
-                agent,
-                Order {
-                    cell: node.cell,
-                    dwell_s,
-                },
-            );
-        });
+        course.send(config, live);
         let period_s = live.period_s();
         if self.config.clock == Clock::Realtime && self.answers.recorded().is_none() {
             // What is repeated takes no time.
@@ -766,10 +861,11 @@ impl<'a> Run<'a> {
             std::thread::sleep(due.saturating_sub(began.elapsed()));
         }
         self.live.advance(watch.sink().unwrap_or(&mut NoTrace))?;
+        self.course.check(&self.live)?;
         self.block += 1;
         let (live, grid) = (&self.live, self.ground.grid);
         let cell_size_m = self.config.sim.cell_size_m;
-        let still = (0..self.adg.agents())
+        let still = (0..self.course.agents())
             .filter(|agent| !live.is_moving(*agent))
             .map(|agent| {
                 let pose = live.pose(agent);
@@ -789,11 +885,11 @@ impl<'a> Run<'a> {
         ended: Ended,
         wall_s: f64,
     ) -> Result<FleetOutcome, FleetError> {
-        self.tally.adg_nodes(self.adg.pending());
+        self.tally.adg_nodes(self.course.pending());
         if let Some(point) = self.tally.point(self.block, true) {
             watch.point(&point, point.time_s / wall_s.max(1e-9));
         }
-        let agents = self.adg.agents();
+        let agents = self.course.agents();
         let committed = self.cut();
         let committed = committed.next_goal.iter().map(|goals| u64::from(*goals));
         let metrics = self.tally.metrics(
@@ -878,12 +974,23 @@ fn recorded_batch(
         headings: Some(cut.headings.clone()),
         motion: round.motion,
         window_steps: round.window_steps,
-        allows_cycles: false,
+        allows_cycles: config.is_synchronous(),
         ..Instance::one_shot(cut.cells.clone(), cut.cells.clone())
     };
-    match judge(grid, &instance, plan) {
+    match judge_by(config)(grid, &instance, plan) {
         Ok(batch) => Ok(Some(batch)),
         Err(refused) => Err(format!("the plan may not be executed: {refused}")),
+    }
+}
+
+/// The judge of plans by the rules of a run.
+pub(crate) fn judge_by(
+    config: &FleetConfig,
+) -> fn(&Grid, &Instance, GridPlan) -> Result<Batch, Box<Refused>> {
+    if config.is_synchronous() {
+        judge_first
+    } else {
+        judge
     }
 }
 

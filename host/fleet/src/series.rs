@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 
 use crate::recording::{Notice, Round};
-use crate::{CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point};
+use crate::{
+    By, CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
+    StepMetrics,
+};
 
 /// Everything that is counted.
 #[derive(Debug)]
@@ -13,6 +16,7 @@ pub(crate) struct Tally {
     ticks_hz: f64,
     /// Blocks between two points of the series.
     every: u64,
+    is_synchronous: bool,
     pub(crate) series: Vec<Point>,
     pub(crate) events: Vec<FleetEvent>,
     counts: BTreeMap<EventKind, u64>,
@@ -28,7 +32,9 @@ pub(crate) struct Tally {
     adg_nodes_max: usize,
     pub(crate) rings_cut: u64,
     planner_ms: Vec<f64>,
+    planner_cpu_ms: Vec<f64>,
     recovery_ms: Vec<f64>,
+    unplanned: u64,
 }
 
 impl Tally {
@@ -36,6 +42,7 @@ impl Tally {
         Self {
             ticks: (period_s * f64::from(config.sim.ticks_hz)).round(),
             ticks_hz: f64::from(config.sim.ticks_hz),
+            is_synchronous: config.is_synchronous(),
             every: (config.series_s / period_s).round().max(1.0) as u64,
             series: Vec::new(),
             events: Vec::new(),
@@ -50,6 +57,8 @@ impl Tally {
             adg_nodes_max: 0,
             rings_cut: 0,
             planner_ms: Vec::new(),
+            planner_cpu_ms: Vec::new(),
+            unplanned: 0,
             recovery_ms: Vec::new(),
         }
     }
@@ -63,6 +72,8 @@ impl Tally {
     pub(crate) fn round(&mut self, round: &Round) {
         self.calls += 1;
         self.planner_ms.extend(round.planner_ms);
+        self.planner_cpu_ms.extend(round.planner_cpu_ms);
+        self.unplanned += u64::from(round.by != By::Planner);
         self.fail_calls += u64::from(round.recovery_ms.is_some());
         self.recovery_ms.extend(round.recovery_ms);
         for notice in &round.notices {
@@ -163,6 +174,8 @@ impl Tally {
             fail_calls: self.fail_calls,
             all_waits: count(EventKind::AllWait),
             planner_time_ms: CallTimes::of(self.planner_ms.clone()),
+            planner_cpu_ms: (self.planner_cpu_ms.len() == self.planner_ms.len())
+                .then(|| CallTimes::of(self.planner_cpu_ms.clone())),
             fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),
             waiting_share: share(self.waited, blocks * agents as u64),
             adg_nodes_max: self.adg_nodes_max,
@@ -170,6 +183,13 @@ impl Tally {
             rings_cut: self.rings_cut,
             restarts: count(EventKind::Restarted),
             tasks_done: tasks,
+            // A block is a step.
+            synchronous: self.is_synchronous.then(|| StepMetrics {
+                steps: blocks,
+                tasks_per_step: tasks.map(|tasks| share(tasks, blocks)),
+                goals_per_step: share(self.goals_reached, blocks),
+                unplanned: self.unplanned,
+            }),
             event_counts: self.counts.clone(),
         }
     }

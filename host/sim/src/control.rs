@@ -659,7 +659,8 @@ impl Driver<'_> {
             }
             let knot = pilot.done;
             let (here, next) = (self.place(agent, knot), self.place(agent, knot + 1));
-            if let Some(quarter_turn) = quarter_turn.filter(|_| !same(here, next)) {
+            let moves = (here.x, here.y) != (next.x, next.y);
+            if let Some(quarter_turn) = quarter_turn.filter(|_| moves && !same(here, next)) {
                 let way = libm::atan2(next.y - here.y, next.x - here.x);
                 let turn = wrap(way - heading);
                 if turn.abs() > 1e-9 {

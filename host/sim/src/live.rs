@@ -28,6 +28,22 @@ pub struct Order {
     pub cell: u32,
     /// Dwell of the robot there, in seconds.
     pub dwell_s: f64,
+    /// Heading there, in radians, which a robot without a controller has turned to by the end
+    /// of the order, as far as that is, and the way round that it is; without one it
+    /// turns by itself before it moves another way. All orders of an execution have one
+    /// ([`Live::with_headings`]), or none.
+    pub heading_rad: Option<f64>,
+}
+
+impl Order {
+    /// An order to a cell, and no more.
+    pub fn to(cell: u32) -> Self {
+        Self {
+            cell,
+            dwell_s: 0.0,
+            heading_rad: None,
+        }
+    }
 }
 
 /// An execution that goes on as long as it is asked to: robots drive what they are sent.
@@ -60,7 +76,7 @@ pub struct Order {
 /// let mut live = Live::new(&config, &grid, None, &[(0, 0.0)])?;
 /// live.begin(&mut NoTrace)?;
 /// for cell in [1, 2, 3] {
-///     live.send(0, Order { cell, dwell_s: 0.0 });
+///     live.send(0, Order::to(cell));
 /// }
 /// while live.done(0) < 3 {
 ///     live.advance(&mut NoTrace)?;
@@ -159,7 +175,8 @@ impl<'a> Live<'a> {
                 grid,
                 cell_size_m: config.cell_size_m,
                 step_s: clock.substeps_per_step / clock.substeps_per_s,
-                ways: starts.iter().map(|(cell, _)| Way::new(*cell)).collect(),
+                ways: starts.iter().map(|start| Way::new(*start)).collect(),
+                headings: false,
             },
             sent: channel("release"),
             reports: channel("report"),
@@ -171,6 +188,13 @@ impl<'a> Live<'a> {
             pool: workers.pool()?,
             engine,
         })
+    }
+
+    /// Orders have headings, so that a turn in place is an order, too.
+    #[must_use]
+    pub fn with_headings(mut self) -> Self {
+        self.orders.headings = true;
+        self
     }
 
     /// Sends the header to `sink`, and refuses robots that start in obstacles or
@@ -347,7 +371,7 @@ impl<'a> Live<'a> {
     ) -> R {
         let guide = Guide::Drive {
             routes: &self.orders,
-            headings: false,
+            headings: self.orders.headings,
             chase: false,
             releases: Releases::Order(self.sent.known()),
         };
@@ -366,6 +390,8 @@ struct Orders<'a> {
     /// Duration of a move of a robot without a controller.
     step_s: f64,
     ways: Vec<Way>,
+    /// Set if the headings of orders are meaningful.
+    headings: bool,
 }
 
 /// Orders of a robot.
@@ -376,8 +402,11 @@ struct Way {
 }
 
 impl Way {
-    fn new(cell: u32) -> Self {
-        let start = Order { cell, dwell_s: 0.0 };
+    fn new((cell, heading_rad): (u32, f64)) -> Self {
+        let start = Order {
+            heading_rad: Some(heading_rad),
+            ..Order::to(cell)
+        };
         Self {
             first: 0,
             orders: VecDeque::from([start]),
@@ -424,6 +453,14 @@ impl Orders<'_> {
         if !(0.0..=MOST_DWELL_S).contains(&order.dwell_s) {
             let reason = format!("stays for {} s", order.dwell_s);
             return refused(reason, "give seconds from 0 to 1e9");
+        }
+        if order
+            .heading_rad
+            .is_some_and(|heading| !heading.is_finite())
+            || order.heading_rad.is_some() != self.headings
+        {
+            let reason = format!("has the heading {:?}", order.heading_rad);
+            return refused(reason, "give finite radians where orders have headings");
         }
         if number > MOST_ORDERS {
             let reason = "is beyond the last number that an order can have".to_owned();
@@ -477,9 +514,9 @@ impl Routes for Orders<'_> {
     }
 
     fn pose(&self, agent: usize, knot: usize) -> Pose {
-        let cell = self.ways[agent].order(knot).cell;
-        let (x, y) = cell_center_m(self.grid, self.cell_size_m, cell);
-        Pose::at(x, y)
+        let order = self.ways[agent].order(knot);
+        let (x, y) = cell_center_m(self.grid, self.cell_size_m, order.cell);
+        Pose::new(x, y, order.heading_rad.unwrap_or(0.0))
     }
 
     fn time_s(&self, _agent: usize, knot: usize) -> f64 {

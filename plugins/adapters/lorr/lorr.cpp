@@ -2,17 +2,20 @@
  *
  * What it is: the glue between this contract and the class `MAPFPlanner` of a Start-Kit,
  * https://github.com/MAPF-Competition/Start-Kit, with which it is compiled (see the
- * Makefile). Every agent has its goal for the whole call. The planner is asked for actions
- * again and again, as the competition asks it, and its turns and moves are followed cell
- * by cell until all agents are at their goals at once. An agent waits in its cell while it
- * turns, so that plans hold for robots that turn, too.
+ * Makefile). The planner is asked for actions, as the competition asks it, and its turns and
+ * moves are followed cell by cell: without a window until all agents are at their goals at
+ * once, with one for the steps of the window. An agent waits in its cell while it turns, so
+ * that plans hold for robots that turn, too.
  *
- * What it is not: the competition. Nothing assigns tasks, so neither `Entry` nor a task
+ * What it is not: the competition. Whoever calls assigns tasks, so neither `Entry` nor a task
  * scheduler is asked, no action is delayed, and one action is one step.
  *
- * Each call runs the planner in a process of its own. These programs keep their data in
- * global variables, which begin anew there, and may exit or crash without taking the
- * plugin with them. Its standard output goes to the log.
+ * The planner runs in a process of its own. These programs keep their data in global
+ * variables, and may exit or crash without taking the plugin with them. Without a window each
+ * call has a process, in which they begin anew. Calls with windows have one together: a
+ * planner of the competition remembers what it planned before. An answer that comes too late
+ * is that of the next call, if robots stood still meanwhile, as in the competition. Its
+ * standard output goes to the log.
  *
  * It fits Start-Kits of the versions 3 and 2.
  */
@@ -21,11 +24,14 @@
 
 #include "MAPFPlanner.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -50,6 +56,62 @@ int whole_ms(Clock::duration time) {
 /* Exit codes of the planner's process. */
 enum Exit : int { reached_end = 0, too_many_steps = 3, bad_actions = 4 };
 
+/* Where an agent is, looks and is to go. */
+struct Robot {
+  Cell cell;
+  std::int32_t heading;
+  Cell goal;
+
+  bool stands_as(const Robot &other) const {
+    return cell == other.cell && heading == other.heading;
+  }
+};
+
+/* What the planner's process is asked where there is a window, before the agents: what is left
+ * of the call, and how many steps to plan. */
+struct Request {
+  std::int32_t limit_ms;
+  std::int32_t steps;
+};
+
+/* Writes or reads all of it; false if the other end is gone. */
+bool write_all(int pipe, const void *from, std::size_t bytes) {
+  for (auto data = static_cast<const char *>(from); bytes > 0;) {
+    const ssize_t written = write(pipe, data, bytes);
+    if (written < 0 && errno == EINTR)
+      continue;
+    if (written <= 0)
+      return false;
+    data += written;
+    bytes -= static_cast<std::size_t>(written);
+  }
+  return true;
+}
+
+bool read_all(int pipe, void *to, std::size_t bytes) {
+  for (auto data = static_cast<char *>(to); bytes > 0;) {
+    const ssize_t got = read(pipe, data, bytes);
+    if (got < 0 && errno == EINTR)
+      continue;
+    if (got <= 0)
+      return false;
+    data += got;
+    bytes -= static_cast<std::size_t>(got);
+  }
+  return true;
+}
+
+std::vector<Robot> robots_of(const fleetyard::Instance &instance) {
+  std::vector<Robot> robots;
+  for (std::size_t agent = 0; agent < instance.agents(); agent++) {
+    const auto heading =
+        instance.has_headings() ? static_cast<std::int32_t>(instance.heading(agent)) : 0;
+    const Cell goal = instance.goals(agent)[0];
+    robots.push_back({instance.starts()[agent], heading, goal});
+  }
+  return robots;
+}
+
 struct Settings {
   int call_ms;
   int steps_per_call;
@@ -59,12 +121,10 @@ struct Settings {
 /* The competition, as far as the planner sees it. Lives in a process of its own. */
 class Game {
 public:
-  Game(const fleetyard::Instance &instance, const fleetyard::Sink &sink, Settings settings)
-      : sink_(sink), settings_(settings), env_(*new SharedEnvironment()),
-        planner_(*new MAPFPlanner(&env_)) {
+  Game(const fleetyard::Instance &instance, Settings settings)
+      : settings_(settings), env_(*new SharedEnvironment()), planner_(*new MAPFPlanner(&env_)) {
     const fleetyard::Grid grid = instance.grid();
-    const int agents = static_cast<int>(instance.agents());
-    env_.num_of_agents = agents;
+    env_.num_of_agents = static_cast<int>(instance.agents());
     env_.rows = static_cast<int>(grid.rows());
     env_.cols = static_cast<int>(grid.cols());
     env_.map_name = std::string(instance.environment().name());
@@ -73,59 +133,122 @@ public:
       env_.map.push_back(grid.passable()[cell] ? 0 : 1);
     env_.goal_locations.resize(instance.agents());
     env_.curr_task_schedule.resize(instance.agents());
-    for (int agent = 0; agent < agents; agent++) {
-      const auto at = static_cast<std::size_t>(agent);
-      const int goal = static_cast<int>(instance.goal(at));
-      const int heading = instance.has_headings() ? static_cast<int>(instance.heading(at)) : 0;
-      State state;
-      state.location = static_cast<int>(instance.starts()[at]);
-      state.timestep = 0;
-      state.orientation = heading;
-      env_.curr_states.push_back(state);
-      env_.goal_locations[at].push_back({goal, 0});
-      Task task(agent, {goal}, 0);
-      task.agent_assigned = agent;
-      env_.task_pool.emplace(agent, task);
-      env_.new_tasks.push_back(agent);
-      env_.new_freeagents.push_back(agent);
-      env_.curr_task_schedule[at] = agent;
-    }
-    tell_states();
-#if __has_include("Plan.h")
-    // An action is one tick, and a call plans for so many.
-    env_.max_counter = 1;
-    env_.action_time = 100;
-    env_.min_planner_communication_time = (settings.steps_per_call - 1) * env_.action_time;
-#endif
+    env_.curr_states.resize(instance.agents());
+    place(robots_of(instance));
   }
 
   /* Plays until all are at their goals; the cells after each step go to `pipe`. */
-  Exit play(int pipe) {
+  Exit play(int pipe, const fleetyard::Sink &sink) {
     // A quarter of the time each for what is done once.
-    env_.plan_start_time = Clock::now();
-    planner_.initialize(whole_ms(sink_.remaining()) / 4);
-    int limit = std::max(settings_.call_ms, whole_ms(sink_.remaining()) / 4);
+    initialize(whole_ms(sink.remaining()) / 4);
+    announce(settings_.steps_per_call);
+    int limit = std::max(settings_.call_ms, whole_ms(sink.remaining()) / 4);
     while (env_.curr_timestep < settings_.max_steps) {
-      env_.plan_start_time = Clock::now();
-      std::vector<std::vector<Action>> steps = ask(limit);
-      if (steps.empty()) // late; in the competition everybody waits then, too
-        steps.emplace_back(env_.curr_states.size(), Action::W);
-      for (const std::vector<Action> &actions : steps) {
+      for (const std::vector<Action> &actions : ask(limit)) {
         if (!step(actions))
           return bad_actions;
         if (!send(pipe) || arrived())
           return reached_end;
       }
-      env_.new_tasks.clear();
-      env_.new_freeagents.clear();
       limit = settings_.call_ms;
     }
     return too_many_steps;
   }
 
+  /* Answers requests from a pipe with the cells and headings after each step, or with none where
+   * the actions cannot be followed. */
+  Exit serve(int from, int to) {
+    std::vector<Robot> robots(env_.curr_states.size());
+    int timestep = 0;
+    for (Request request{}; read_all(from, &request, sizeof request); timestep++) {
+      if (!read_all(from, robots.data(), robots.size() * sizeof(Robot)))
+        break;
+      const auto deadline = Clock::now() + Ms(request.limit_ms);
+      if (timestep == 0)
+        initialize(request.limit_ms / 4);
+      env_.curr_timestep = timestep;
+      place(robots);
+      announce(request.steps);
+      std::int32_t steps = 0;
+      for (bool follows = true; follows && steps < request.steps;) {
+        const int left = request.steps - steps;
+        for (const std::vector<Action> &actions : ask(whole_ms(deadline - Clock::now()) / left)) {
+          follows = steps < request.steps && step(actions);
+          if (!follows)
+            break;
+          steps++;
+          for (std::size_t agent = 0; agent < robots.size(); agent++) {
+            const State &state = env_.curr_states[agent];
+            robots[agent].cell = static_cast<Cell>(state.location);
+            robots[agent].heading = state.orientation;
+          }
+          if (!write_all(to, robots.data(), robots.size() * sizeof(Robot)))
+            return reached_end;
+        }
+      }
+      if (steps < request.steps) {
+        // Nobody is nowhere.
+        robots.assign(robots.size(), {fleetyard::unreachable, 0, 0});
+        for (; steps < request.steps; steps++)
+          if (!write_all(to, robots.data(), robots.size() * sizeof(Robot)))
+            return reached_end;
+      }
+    }
+    return reached_end;
+  }
+
 private:
+  void initialize(int limit) {
+    env_.plan_start_time = Clock::now();
+    planner_.initialize(limit);
+  }
+
+  /* Puts agents in their places, with a task of one errand for each goal that is new. */
+  void place(const std::vector<Robot> &robots) {
+    env_.new_tasks.clear();
+    env_.new_freeagents.clear();
+    for (std::size_t at = 0; at < robots.size(); at++) {
+      const int agent = static_cast<int>(at), goal = static_cast<int>(robots[at].goal);
+      State &state = env_.curr_states[at];
+      state.location = static_cast<int>(robots[at].cell);
+      state.timestep = env_.curr_timestep;
+      state.orientation = robots[at].heading;
+      auto &goals = env_.goal_locations[at];
+      if (!goals.empty() && goals.front().first == goal)
+        continue;
+      goals = {{goal, env_.curr_timestep}};
+      Task task(agent, {goal}, env_.curr_timestep);
+      task.agent_assigned = agent;
+      env_.task_pool[agent] = task;
+      env_.new_tasks.push_back(agent);
+      env_.new_freeagents.push_back(agent);
+      env_.curr_task_schedule[at] = agent;
+    }
+    tell_states();
+  }
+
+  /* Says how many steps a call plans, in version 3. */
+  void announce([[maybe_unused]] int steps) {
+#if __has_include("Plan.h")
+    // An action is one tick.
+    env_.max_counter = 1;
+    env_.action_time = 100;
+    env_.min_planner_communication_time = (steps - 1) * env_.action_time;
+#endif
+  }
+
   /* The actions of all agents, step by step. */
   std::vector<std::vector<Action>> ask(int limit) {
+    env_.plan_start_time = Clock::now();
+    std::vector<std::vector<Action>> steps = actions(limit);
+    if (steps.empty()) // late; in the competition everybody waits then, too
+      steps.emplace_back(env_.curr_states.size(), Action::W);
+    env_.new_tasks.clear();
+    env_.new_freeagents.clear();
+    return steps;
+  }
+
+  std::vector<std::vector<Action>> actions(int limit) {
 #if __has_include("Plan.h")
     ::Plan plan;
     planner_.plan(limit, plan);
@@ -138,9 +261,9 @@ private:
       }
     return steps;
 #else
-    std::vector<Action> actions;
-    planner_.plan(limit, actions);
-    return {actions};
+    std::vector<Action> step;
+    planner_.plan(limit, step);
+    return {step};
 #endif
   }
 
@@ -202,35 +325,56 @@ private:
     std::vector<Cell> cells;
     for (const State &state : env_.curr_states)
       cells.push_back(static_cast<Cell>(state.location));
-    const char *data = reinterpret_cast<const char *>(cells.data());
-    for (std::size_t left = cells.size() * sizeof(Cell); left > 0;) {
-      const ssize_t written = write(pipe, data, left);
-      if (written < 0 && errno == EINTR)
-        continue;
-      if (written <= 0)
-        return false;
-      data += written;
-      left -= static_cast<std::size_t>(written);
-    }
-    return true;
+    return write_all(pipe, cells.data(), cells.size() * sizeof(Cell));
   }
 
-  const fleetyard::Sink &sink_;
   Settings settings_;
   // Never freed: the classes free each other's data, and the process ends anyway.
   SharedEnvironment &env_;
   MAPFPlanner &planner_;
 };
 
-/* A process, ended with this object. */
+/* A process with pipes to and from it, ended with this object. */
 class Process {
 public:
-  Process(pid_t pid, int pipe) : pid_(pid), pipe_(pipe) {}
+  Process(pid_t pid, int from, int to) : pid_(pid), from_(from), to_(to) {}
   Process(const Process &) = delete;
   Process &operator=(const Process &) = delete;
-  ~Process() { end(); }
+  ~Process() {
+    close(from_);
+    close(to_);
+    if (pid_ > 0) {
+      kill(pid_, SIGKILL);
+      wait();
+    }
+  }
 
-  int pipe() const { return pipe_; }
+  bool ask(const void *data, std::size_t bytes) const { return write_all(to_, data, bytes); }
+
+  /* Waits for so many bytes, as long as the call goes on; `got` of them were there before. False
+   * if the process is gone. */
+  bool receive(std::vector<char> &data, std::size_t bytes, const fleetyard::Sink &sink) const {
+    std::size_t got = data.size();
+    data.resize(bytes);
+    try {
+      while (got < bytes) {
+        sink.check();
+        pollfd waiting{from_, POLLIN, 0};
+        if (poll(&waiting, 1, 5) <= 0)
+          continue;
+        const ssize_t more = read(from_, data.data() + got, bytes - got);
+        if (more < 0 && errno == EINTR)
+          continue;
+        if (more <= 0)
+          return false;
+        got += static_cast<std::size_t>(more);
+      }
+    } catch (...) {
+      data.resize(got);
+      throw;
+    }
+    return true;
+  }
 
   /* Waits for a process that has closed its pipe; how it ended. */
   int wait() {
@@ -242,16 +386,18 @@ public:
   }
 
 private:
-  void end() {
-    close(pipe_);
-    if (pid_ > 0) {
-      kill(pid_, SIGKILL);
-      wait();
-    }
-  }
-
   pid_t pid_;
-  int pipe_;
+  int from_, to_;
+};
+
+/* A planner that remembers, and what it was asked last. */
+struct Lasting {
+  std::unique_ptr<Process> process;
+  std::vector<Robot> asked;
+  std::uint32_t steps = 0;
+  /* What it has answered, while that is not all. */
+  std::vector<char> answer;
+  bool is_open = false;
 };
 
 struct League : fleetyard::Planner {
@@ -275,12 +421,17 @@ struct League : fleetyard::Planner {
   })";
   static constexpr std::uint64_t capabilities =
       fleetyard::capability::grid | fleetyard::capability::pebble |
-      fleetyard::capability::rotation;
+      fleetyard::capability::rotation | fleetyard::capability::windowed;
 
   explicit League(const fleetyard::Options &options)
       : settings_{static_cast<int>(options.integer("call_ms")),
                   static_cast<int>(options.integer("steps_per_call")),
                   static_cast<int>(options.integer("max_steps"))} {}
+
+  void prepare(const fleetyard::Environment &, const fleetyard::Budget &,
+               const fleetyard::Sink &) override {
+    lasting_ = {};
+  }
 
   void plan(const fleetyard::Instance &instance, const fleetyard::Budget &budget,
             const fleetyard::Sink &sink) override {
@@ -288,9 +439,21 @@ struct League : fleetyard::Planner {
     std::vector<std::vector<Cell>> paths;
     for (const Cell start : instance.starts())
       paths.push_back({start});
-    Process process = start(instance, budget, sink);
-    while (!arrived(instance, paths))
-      receive(process, paths, sink);
+    if (instance.window_steps() > 0) {
+      follow(instance, budget, sink, paths);
+    } else {
+      const auto process = start(budget, [&](int, int to) {
+        return Game(instance, settings_).play(to, sink);
+      });
+      while (!arrived(instance, paths)) {
+        std::vector<char> data;
+        if (!process->receive(data, paths.size() * sizeof(Cell), sink))
+          ended(process->wait());
+        const auto cells = reinterpret_cast<const Cell *>(data.data());
+        for (std::size_t agent = 0; agent < paths.size(); agent++)
+          paths[agent].push_back(cells[agent]);
+      }
+    }
     sink.submit_plan(paths);
   }
 
@@ -307,7 +470,7 @@ private:
                         "cell " + std::to_string(cell) + " is blocked, but a start or a goal");
       if (!starts.insert(instance.starts()[agent]).second)
         throw Failure(Status::invalid_input, "two agents start in one cell");
-      if (!goals.insert(instance.goal(agent)).second)
+      if (!goals.insert(instance.goal(agent)).second && instance.window_steps() == 0)
         throw Failure(Status::unsupported, "lorr takes no goal twice");
       // The default planner exits when it looks for such a path.
       if (parts[instance.starts()[agent]] != parts[instance.goal(agent)])
@@ -344,31 +507,122 @@ private:
     return true;
   }
 
-  Process start(const fleetyard::Instance &instance, const fleetyard::Budget &budget,
-                const fleetyard::Sink &sink) const {
-    int ends[2];
-    if (pipe(ends) != 0)
+  /* The steps of a window, and behind it where agents that turned last will go. */
+  void follow(const fleetyard::Instance &instance, const fleetyard::Budget &budget,
+              const fleetyard::Sink &sink, std::vector<std::vector<Cell>> &paths) {
+    const std::vector<Robot> robots = robots_of(instance);
+    const std::uint32_t steps = instance.window_steps();
+    if (lasting_.process && lasting_.asked.size() != robots.size())
+      lasting_ = {};
+    const bool stood = lasting_.is_open && lasting_.steps == steps &&
+                       std::equal(robots.begin(), robots.end(), lasting_.asked.begin(),
+                                  [](const Robot &a, const Robot &b) { return a.stands_as(b); });
+    if (lasting_.is_open && !stood)
+      finish(sink);
+    if (!lasting_.process)
+      lasting_.process = start(budget, [&](int from, int to) {
+        return Game(instance, settings_).serve(from, to);
+      });
+    if (!stood) {
+      const Request request{std::max(whole_ms(sink.remaining()), 1),
+                            static_cast<std::int32_t>(steps)};
+      lasting_.asked = robots;
+      lasting_.steps = steps;
+      lasting_.is_open = true;
+      lasting_.answer.clear();
+      if (!lasting_.process->ask(&request, sizeof request) ||
+          !lasting_.process->ask(robots.data(), robots.size() * sizeof(Robot)))
+        lost();
+    }
+    finish(sink);
+    const auto *at = reinterpret_cast<const Robot *>(lasting_.answer.data());
+    std::vector<Robot> before = robots;
+    // The heading of each agent's last move, and steps that it stayed since then.
+    std::vector<Robot> moved = robots;
+    for (std::uint32_t step = 0; step < steps; step++)
+      for (std::size_t agent = 0; agent < paths.size(); agent++, at++) {
+        if (at->cell == fleetyard::unreachable)
+          throw Failure(fleetyard::Status::internal_error,
+                        "the planner's actions cannot be followed: see the log");
+        if (at->cell != before[agent].cell)
+          moved[agent] = *at;
+        before[agent] = *at;
+        paths[agent].push_back(at->cell);
+      }
+    const fleetyard::Grid grid = instance.grid();
+    for (std::size_t agent = 0; agent < paths.size(); agent++)
+      turn(grid, moved[agent].heading, before[agent], paths[agent]);
+  }
+
+  /* Lets a path say that its agent turned at its end: a plan has cells, and robots turn towards
+   * the next one. Where that is blocked, half a turn was begun. */
+  static void turn(const fleetyard::Grid &grid, std::int32_t looked, const Robot &robot,
+                   std::vector<Cell> &path) {
+    const std::int32_t turned = (robot.heading - looked + 4) % 4;
+    if (turned == 0)
+      return;
+    const auto ahead = [&](std::int32_t heading) -> std::optional<Cell> {
+      constexpr std::int64_t rows[] = {0, 1, 0, -1}, cols[] = {1, 0, -1, 0};
+      const std::int64_t row = robot.cell / grid.cols() + rows[heading];
+      const std::int64_t col = robot.cell % grid.cols() + cols[heading];
+      if (row < 0 || row >= grid.rows() || col < 0 || col >= grid.cols())
+        return std::nullopt;
+      const auto cell = static_cast<Cell>(row * grid.cols() + col);
+      return grid.is_free(cell) ? std::optional(cell) : std::nullopt;
+    };
+    if (const auto cell = ahead(robot.heading)) {
+      path.push_back(*cell);
+    } else if (const auto behind = ahead((looked + 2) % 4); behind && turned != 2) {
+      path.insert(path.end(), {robot.cell, *behind});
+    }
+  }
+
+  /* Waits for the rest of the last answer. */
+  void finish(const fleetyard::Sink &sink) {
+    const std::size_t bytes = lasting_.asked.size() * sizeof(Robot) * lasting_.steps;
+    if (!lasting_.process->receive(lasting_.answer, bytes, sink))
+      lost();
+    lasting_.is_open = false;
+  }
+
+  [[noreturn]] void lost() {
+    const int status = lasting_.process->wait();
+    lasting_ = {};
+    ended(status);
+  }
+
+  template <class Play>
+  std::unique_ptr<Process> start(const fleetyard::Budget &budget, Play play) const {
+    int out[2], in[2];
+    if (pipe(out) != 0)
       throw std::runtime_error(std::string("no pipe: ") + std::strerror(errno));
+    if (pipe(in) != 0) {
+      close(out[0]);
+      close(out[1]);
+      throw std::runtime_error(std::string("no pipe: ") + std::strerror(errno));
+    }
     const pid_t parent = getpid();
     const pid_t pid = fork();
     if (pid < 0) {
-      close(ends[0]);
-      close(ends[1]);
+      for (const int end : {out[0], out[1], in[0], in[1]})
+        close(end);
       throw std::runtime_error(std::string("no process: ") + std::strerror(errno));
     }
     if (pid > 0) {
-      close(ends[1]);
-      return Process(pid, ends[0]);
+      close(out[1]);
+      close(in[0]);
+      return std::make_unique<Process>(pid, out[0], in[1]);
     }
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent)
       _exit(1);
-    close(ends[0]);
+    close(out[0]);
+    close(in[1]);
     dup2(STDERR_FILENO, STDOUT_FILENO);
     std::srand(static_cast<unsigned>(budget.seed()));
     int code = 1;
     try {
-      code = Game(instance, sink, settings_).play(ends[1]);
+      code = play(in[0], out[1]);
     } catch (const std::exception &error) {
       std::fprintf(stderr, "the planner threw: %s\n", error.what());
     } catch (...) {
@@ -376,28 +630,6 @@ private:
     }
     std::fflush(nullptr);
     _exit(code);
-  }
-
-  /* Adds the cells of the next step to the paths. */
-  void receive(Process &process, std::vector<std::vector<Cell>> &paths,
-               const fleetyard::Sink &sink) const {
-    std::vector<Cell> cells(paths.size());
-    char *data = reinterpret_cast<char *>(cells.data());
-    for (std::size_t left = cells.size() * sizeof(Cell); left > 0;) {
-      sink.check();
-      pollfd waiting{process.pipe(), POLLIN, 0};
-      if (poll(&waiting, 1, 5) <= 0)
-        continue;
-      const ssize_t got = read(process.pipe(), data, left);
-      if (got < 0 && errno == EINTR)
-        continue;
-      if (got <= 0)
-        ended(process.wait());
-      data += got;
-      left -= static_cast<std::size_t>(got);
-    }
-    for (std::size_t agent = 0; agent < paths.size(); agent++)
-      paths[agent].push_back(cells[agent]);
   }
 
   /* The process ended before all agents were at their goals. */
@@ -419,6 +651,7 @@ private:
   }
 
   Settings settings_;
+  Lasting lasting_;
 };
 
 } // namespace

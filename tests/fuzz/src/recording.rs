@@ -120,6 +120,7 @@ fn replayed(
         grid: &place.grid,
         fleet: bodies.as_ref(),
         tasks: place.tasks.as_ref(),
+        starts: None,
     };
     let here = path.with_extension("here");
     let header = ground.header(&config, header.modules.clone(), header.setup.clone());

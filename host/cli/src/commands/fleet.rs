@@ -11,11 +11,12 @@ use clap::{Arg, ArgAction, ArgMatches, Args};
 use fleetyard_abi::{Kind, Motion};
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number, start_modules};
-use fleetyard_core::formats::load_lorr_tasks;
+use fleetyard_core::formats::{TaskList, load_league, load_lorr_tasks};
 use fleetyard_core::{Grid, InputError, load_map};
 use fleetyard_fleet::{
     Allowance, Assign, CallTimes, Clock, CutBy, End, Ended, FleetConfig, FleetOutcome, Ground,
-    ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Watch, replay, resume, run,
+    ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Rules, Watch, replay, resume,
+    run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::trace::TraceOptions;
@@ -47,8 +48,12 @@ const GOALS: &str = "Goals";
 #[derive(Debug, Args)]
 pub(crate) struct Fleet {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART [with --replay and --resume: the one that was recorded]
-    #[arg(long, short, value_name = "FILE", required_unless_present_any = ["replay", "resume"])]
+    #[arg(long, short, value_name = "FILE", required_unless_present_any = ["instance", "replay", "resume"])]
     map: Option<PathBuf>,
+    /// Instance of the League of Robot Runners: its map, starts, tasks, and numTasksReveal; robots
+    /// look east at first [with --replay and --resume: the one that was recorded]
+    #[arg(long, short, value_name = "FILE", conflicts_with_all = ["map", "tasks"])]
+    instance: Option<PathBuf>,
     #[command(flatten)]
     asked: FleetAsked,
     /// Write what plugins answer to a file, from which the run can be had again
@@ -88,10 +93,10 @@ pub(crate) struct Fleet {
 }
 
 /// The settings that decide about a run; a recording has them all.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 struct FleetAsked {
-    /// Number of robots
-    #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["replay", "resume"],
+    /// Number of robots [default: all of --instance]
+    #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["instance", "replay", "resume"],
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     agents: Option<u32>,
     /// Simulated time to go on
@@ -100,6 +105,10 @@ struct FleetAsked {
     /// Seed of every random choice: starts, goals, plugins, disturbances
     #[arg(long, value_name = "N", default_value_t = FleetConfig::default().seed)]
     seed: u64,
+    /// Rules of execution. Synchronous ones change defaults: --model rotation, or pebble if that is
+    /// asked for, --motion by it, --fail-policy all-wait, --period of a step
+    #[arg(long, value_parser = word::<Rules>(), default_value_t)]
+    rules: Rules,
     /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
     /// PATH:ID picks one of several. Its options may follow
     #[arg(long, short, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
@@ -237,7 +246,35 @@ impl FleetAsked {
         let first = all.get_arguments().find(given)?;
         first.get_long().map(|long| format!("--{long}"))
     }
+
+    /// The same with the defaults of its rules.
+    fn by_its_rules(&self, matches: &ArgMatches) -> Self {
+        let mut asked = self.clone();
+        if asked.rules != Rules::Synchronous {
+            return asked;
+        }
+        let is_given = |argument| matches.value_source(argument) == Some(ValueSource::CommandLine);
+        if !is_given("model") && !is_given("fleet") {
+            asked.model = "rotation".into();
+        }
+        if !is_given("motion") {
+            asked.motion = match &*asked.model {
+                PEBBLE => Motion::Pebble,
+                _ => Motion::Rotation,
+            };
+        }
+        if !is_given("fail_policy") {
+            asked.fail_policy = vec!["all-wait".into()];
+        }
+        if !is_given("invocation") && asked.period.is_none() {
+            asked.period = Some(asked.step.unwrap_or(1.0));
+        }
+        asked
+    }
 }
+
+/// The model of discs that follow their orders exactly.
+const PEBBLE: &str = "pebble";
 
 /// A duration in seconds, which may be nothing.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
@@ -265,6 +302,8 @@ static SIGNAL: AtomicI32 = AtomicI32::new(0);
 #[serde(deny_unknown_fields)]
 struct Setup {
     map: PathBuf,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    instance: Option<PathBuf>,
     model: String,
     fleet: Option<PathBuf>,
     tasks: Option<PathBuf>,
@@ -297,6 +336,7 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
         return Err(Failure::new(Exit::Usage, message)
             .hint("all that decides about the run is in its recording"));
     }
+    let asked = arguments.asked.by_its_rules(given);
     let recording = recorded.map(|path| Recording::open(path)).transpose()?;
     let mut setup = match &recording {
         Some(recording) => {
@@ -308,19 +348,27 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
                     .hint("it was not recorded by `fleetyard fleet --record`")
             })?
         }
-        None => asked_setup(&arguments.asked)?,
+        None => asked_setup(&asked)?,
     };
-    if let Some(map) = &arguments.map {
-        setup.map.clone_from(map);
+    match (&arguments.map, &arguments.instance, recorded) {
+        (Some(_), _, Some(_)) if setup.instance.is_some() => {
+            let message = "`--map` cannot be given where an instance was recorded";
+            return Err(Failure::new(Exit::Usage, message)
+                .hint("name the new place of the instance with --instance"));
+        }
+        (_, Some(_), Some(_)) if setup.instance.is_none() => {
+            let message = "`--instance` cannot be given where a map was recorded";
+            return Err(
+                Failure::new(Exit::Usage, message).hint("name the new place of the map with --map")
+            );
+        }
+        (Some(map), ..) => setup.map.clone_from(map),
+        (_, Some(instance), _) => setup.instance = Some(absolute(instance)),
+        _ => {}
     }
-    let grid = Arc::new(load_map(&setup.map)?);
-    let tasks = setup
-        .tasks
-        .as_ref()
-        .map(|path| load_lorr_tasks(path, &grid))
-        .transpose()?;
-    // Pebbles are discs that follow their orders exactly.
-    let model = (setup.model != "pebble").then_some(&*setup.model);
+    let scene = Scene::load(&setup)?;
+    let grid = &scene.grid;
+    let model = (setup.model != PEBBLE).then_some(&*setup.model);
     let robots = robots(setup.fleet.as_deref(), model)?;
     let (config, bodies) = match &recording {
         Some(recording) => {
@@ -328,13 +376,17 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
             let bodies = bodies(&robots, config.agents as usize, &config.sim)?;
             (config, bodies)
         }
-        None => asked_config(&arguments.asked, &robots)?,
+        None => {
+            scene.remark(asked.rules);
+            asked_config(&asked, &scene, given, &robots)?
+        }
     };
     let config = with_host(config, arguments);
     let ground = Ground {
-        grid: &grid,
+        grid,
         fleet: bodies.as_ref(),
-        tasks: tasks.as_ref(),
+        tasks: scene.tasks.as_ref(),
+        starts: scene.starts.as_deref(),
     };
     if let Some(recording) = &recording {
         about(recording);
@@ -342,7 +394,7 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     let modules = if arguments.replay.is_some() {
         None
     } else {
-        Some(modules(arguments, &setup, &config)?)
+        Some(modules(arguments, &scene.files, &setup, &config)?)
     };
     let mut watcher = Watcher::new(arguments, &config)?;
     let outcome = match (recording, modules) {
@@ -371,7 +423,7 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     let outcome = outcome?;
     watcher.finish()?;
     if let Some(path) = &arguments.picture {
-        draw_document(path, &picture(&outcome, &grid).svg())?;
+        draw_document(path, &picture(&outcome, grid).svg())?;
     }
     report(arguments, &outcome)?;
     let signal = SIGNAL.load(Ordering::SeqCst);
@@ -380,6 +432,65 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
         std::process::exit(128 + signal);
     }
     Ok(Exit::Success)
+}
+
+/// Where robots drive, from which cells on, and for which tasks.
+struct Scene {
+    grid: Arc<Grid>,
+    tasks: Option<TaskList>,
+    starts: Option<Vec<u32>>,
+    /// What only an instance says: tasks that are known at a time, per robot; ticks of an action;
+    /// if robots are delayed.
+    reveal: Option<f64>,
+    ticks: u32,
+    delays: bool,
+    /// The files that were read and are named nowhere else.
+    files: Vec<PathBuf>,
+}
+
+impl Scene {
+    fn load(setup: &Setup) -> Result<Self> {
+        let Some(instance) = &setup.instance else {
+            let grid = Arc::new(load_map(&setup.map)?);
+            let tasks = setup.tasks.as_ref();
+            let tasks = tasks.map(|path| load_lorr_tasks(path, &grid));
+            return Ok(Self {
+                tasks: tasks.transpose()?,
+                grid,
+                starts: None,
+                reveal: None,
+                ticks: 1,
+                delays: false,
+                files: Vec::new(),
+            });
+        };
+        let league = load_league(instance)?;
+        Ok(Self {
+            grid: Arc::new(league.grid),
+            tasks: Some(league.tasks),
+            starts: Some(league.starts),
+            reveal: Some(league.reveal),
+            ticks: league.ticks,
+            delays: league.delays,
+            files: league.files,
+        })
+    }
+
+    /// Says what of an instance is left out.
+    fn remark(&self, rules: Rules) {
+        if rules != Rules::Synchronous {
+            return;
+        }
+        if self.ticks != 1 {
+            output::note(&format!(
+                "an action takes a step, not the {} ticks of agentCounter",
+                self.ticks
+            ));
+        }
+        if self.delays {
+            output::note("nobody is delayed: delayConfig is left out");
+        }
+    }
 }
 
 fn absolute(path: &Path) -> PathBuf {
@@ -433,6 +544,7 @@ fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
         .map(|(kind, words, options)| plugin(kind, words, options));
     Ok(Setup {
         map: PathBuf::new(),
+        instance: None,
         model: asked.model.clone(),
         fleet: asked.fleet.as_deref().map(absolute),
         tasks: asked.tasks.as_deref().map(absolute),
@@ -442,9 +554,19 @@ fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
 }
 
 /// The numbers that the arguments ask for, and the robots.
-fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Option<Bodies>)> {
+fn asked_config(
+    asked: &FleetAsked,
+    scene: &Scene,
+    given: &ArgMatches,
+    robots: &Robots,
+) -> Result<(FleetConfig, Option<Bodies>)> {
+    let team = scene
+        .starts
+        .as_ref()
+        .map_or(1, |starts| starts.len() as u32);
+    let reveal_given = given.value_source("reveal") == Some(ValueSource::CommandLine);
     let mut config = FleetConfig {
-        agents: asked.agents.unwrap_or(1),
+        agents: asked.agents.unwrap_or(team),
         duration_s: asked.duration,
         window_s: asked.window,
         limit_s: asked.limit,
@@ -455,7 +577,10 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
         queue: asked.queue,
         dwell_s: asked.dwell,
         assign: asked.assign,
-        reveal: asked.reveal,
+        reveal: scene
+            .reveal
+            .filter(|_| !reveal_given)
+            .unwrap_or(asked.reveal),
         watchdog_s: asked.watchdog,
         allowance: Allowance {
             prepare_s: asked.prepare_budget,
@@ -480,6 +605,9 @@ fn asked_config(asked: &FleetAsked, robots: &Robots) -> Result<(FleetConfig, Opt
     if asked.step.is_none() {
         config.sim.step_s = fleetyard_fleet::step_s(bodies.as_ref(), asked.cell_size);
     }
+    if asked.rules == Rules::Synchronous {
+        config = config.synchronous();
+    }
     Ok((config, bodies))
 }
 
@@ -495,9 +623,10 @@ fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
 }
 
 /// The files that the command itself reads and writes.
-fn own_files(arguments: &Fleet) -> Vec<PathBuf> {
+fn own_files(arguments: &Fleet, more: &[PathBuf]) -> Vec<PathBuf> {
     let files = [
         &arguments.map,
+        &arguments.instance,
         &arguments.record,
         &arguments.replay,
         &arguments.resume,
@@ -506,11 +635,16 @@ fn own_files(arguments: &Fleet) -> Vec<PathBuf> {
         &arguments.asked.tasks,
         &arguments.asked.fleet,
     ];
-    files.into_iter().flatten().cloned().collect()
+    files.into_iter().flatten().chain(more).cloned().collect()
 }
 
 /// Starts the plugins.
-fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Modules> {
+fn modules(
+    arguments: &Fleet,
+    read: &[PathBuf],
+    setup: &Setup,
+    config: &FleetConfig,
+) -> Result<Modules> {
     let allowance = &config.allowance;
     let budget = BudgetOptions {
         startup: arguments.startup,
@@ -519,7 +653,7 @@ fn modules(arguments: &Fleet, setup: &Setup, config: &FleetConfig) -> Result<Mod
         ..BudgetOptions::default()
     };
     let sandbox = SandboxOptions {
-        policy: policy(&arguments.grants, own_files(arguments))?,
+        policy: policy(&arguments.grants, own_files(arguments, read))?,
         output_bytes: arguments.grants.output_limit,
         trust: trust(&arguments.grants.trust)?,
         pin: false,
@@ -723,6 +857,21 @@ fn text(outcome: &FleetOutcome) -> String {
     if let Some(tasks) = metrics.tasks_done {
         line("tasks", format!("{tasks} done"));
     }
+    if let Some(metrics) = &metrics.synchronous {
+        let tasks = metrics.tasks_per_step;
+        let tasks = tasks.map_or(String::new(), |tasks| {
+            format!("{} tasks and ", number(tasks))
+        });
+        line(
+            "steps",
+            format!(
+                "{}, of which {} had no plan of the planner; {tasks}{} goals per step",
+                metrics.steps,
+                metrics.unplanned,
+                number(metrics.goals_per_step)
+            ),
+        );
+    }
     line(
         "calls",
         format!(
@@ -743,6 +892,9 @@ fn text(outcome: &FleetOutcome) -> String {
         )
     };
     line("planner time", times(&metrics.planner_time_ms));
+    if let Some(cpu) = &metrics.planner_cpu_ms {
+        line("planner CPU time", times(cpu));
+    }
     if metrics.fail_calls > 0 {
         line("fail policy time", times(&metrics.fail_policy_time_ms));
     }

@@ -8,11 +8,12 @@
 //! order. Lines that begin with `#` are comments.
 //!
 //! Those instances are lifelong: tasks come as agents get free, and a task has
-//! several errands. What an [`AgentList`] holds of them is one goal per agent: tasks
-//! are dealt in the order of the file, one to each agent, and the goal is the first
-//! errand of the agent's task that is not somebody's goal already, since goals of a
-//! one-shot instance are distinct; a task without such an errand is passed over. How
-//! the League delays and turns its robots is not kept.
+//! several errands. A [`League`] holds an instance as it is. What an [`AgentList`]
+//! holds of it is one goal per agent: tasks are dealt in the order of the file, one to
+//! each agent, and the goal is the first errand of the agent's task that is not
+//! somebody's goal already, since goals of a one-shot instance are distinct; a task
+//! without such an errand is passed over. How the League turns its robots is not kept,
+//! and of its delays only that there are some.
 
 use std::path::{Path, PathBuf};
 
@@ -91,22 +92,41 @@ pub fn load_lorr_tasks(path: impl AsRef<Path>, grid: &Grid) -> Result<TaskList, 
     })
 }
 
-/// Reads a League instance and the files that it names, which are found from its
-/// own folder.
-pub fn load_lorr(path: impl AsRef<Path>) -> Result<LorrInstance, InputError> {
+/// A League instance as it is: robots that get tasks as long as they drive.
+#[derive(Debug, Clone)]
+pub struct League {
+    /// The map.
+    pub grid: Grid,
+    /// Start cells of the first `teamSize` robots of the file: free, no two the same.
+    pub starts: Vec<u32>,
+    /// The tasks, which begin anew after the last one.
+    pub tasks: TaskList,
+    /// Number of tasks that are known and not done at a time, per robot
+    /// (`numTasksReveal`; 1 where the file has none).
+    pub reveal: f64,
+    /// Ticks of a move or a turn (`agentCounter`; 1 where the file has none).
+    pub ticks: u32,
+    /// True if robots are delayed (`delayConfig` with a `pDelay` above 0).
+    pub delays: bool,
+    /// The name of the map as the instance has it.
+    pub map_file: String,
+    /// The files that were read besides the JSON file.
+    pub files: Vec<PathBuf>,
+    /// The file of starts, and the line of each of them.
+    starts_source: String,
+    start_lines: Vec<u64>,
+}
+
+/// Reads a League instance, and the files that it names, which are found from its own
+/// folder.
+pub fn load_league(path: impl AsRef<Path>) -> Result<League, InputError> {
     let path = path.as_ref();
     let bytes = read_file(path, PROBLEM_LIMIT)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    read_lorr(&path.display().to_string(), &bytes, folder)
+    read_league(&path.display().to_string(), &bytes, folder)
 }
 
-/// Parses the content of the JSON file, named `source` in errors, and reads the files
-/// that it names, which are found from `folder`.
-pub(super) fn read_lorr(
-    source: &str,
-    bytes: &[u8],
-    folder: &Path,
-) -> Result<LorrInstance, InputError> {
+fn read_league(source: &str, bytes: &[u8], folder: &Path) -> Result<League, InputError> {
     let problem = read_problem(source, bytes)?;
     let named = |file: &Path| folder.join(file);
     let map_path = named(&problem.map_file);
@@ -123,39 +143,86 @@ pub(super) fn read_lorr(
         return Err(InputError::new(source, reason)
             .hint(format!("write a teamSize of 1 to {}", starts.len())));
     }
-    let tasks_path = named(&problem.task_file);
-    let tasks_source = tasks_path.display().to_string();
-    let tasks = read_lorr_tasks(&tasks_source, &read_file(&tasks_path, LIST_LIMIT)?, &grid)?.tasks;
-    let (goals, passed_over) = deal(&tasks, team);
-    if goals.len() < team {
-        let reason = format!(
-            "the {} tasks give only {} distinct goals, for a teamSize of {team}",
-            tasks.len(),
-            goals.len()
-        );
-        return Err(InputError::new(tasks_source, reason)
-            .hint("every agent needs a goal of its own; write a smaller teamSize"));
+    let mut lines = std::collections::HashMap::new();
+    for (line, start) in &starts[..team] {
+        if let Some(first) = lines.insert(*start, *line) {
+            let reason = format!("cell {start} is the start of line {first} already");
+            return Err(InputError::new(starts_source, reason)
+                .at_line(*line)
+                .hint("no two robots are in one cell"));
+        }
     }
-    let agents = starts
-        .iter()
-        .zip(goals)
-        .map(|((line, start), goal)| AgentEntry {
-            line: *line,
-            start: grid.row_col(*start),
-            goal: grid.row_col(goal),
-        });
-    Ok(LorrInstance {
-        agents: AgentList {
-            source: starts_source,
-            map_file: Some(problem.map_file.display().to_string()),
-            agents: agents.collect(),
-        },
+    let tasks_path = named(&problem.task_file);
+    let tasks = load_lorr_tasks(&tasks_path, &grid)?;
+    let (start_lines, starts) = starts.into_iter().take(team).unzip();
+    let p_delay = problem.delay_config.as_ref().and_then(|delays| {
+        let chance = delays.get("pDelay")?;
+        chance.as_f64()
+    });
+    Ok(League {
+        starts,
+        tasks,
+        reveal: problem.num_tasks_reveal.unwrap_or(1.0),
+        ticks: problem.agent_counter.unwrap_or(1),
+        delays: p_delay.is_some_and(|chance| chance > 0.0),
+        map_file: problem.map_file.display().to_string(),
         files: vec![map_path, starts_path, tasks_path],
-        errands: tasks.iter().map(Vec::len).sum(),
-        tasks: tasks.len(),
-        passed_over,
+        starts_source,
+        start_lines,
         grid,
     })
+}
+
+/// Reads a League instance and the files that it names, which are found from its
+/// own folder, as a one-shot one.
+pub fn load_lorr(path: impl AsRef<Path>) -> Result<LorrInstance, InputError> {
+    load_league(path)?.one_shot()
+}
+
+/// Parses the content of the JSON file, named `source` in errors, and reads the files
+/// that it names from a folder.
+pub(super) fn read_lorr(
+    source: &str,
+    bytes: &[u8],
+    folder: &Path,
+) -> Result<LorrInstance, InputError> {
+    read_league(source, bytes, folder)?.one_shot()
+}
+
+impl League {
+    /// One goal per agent, from the tasks in their order.
+    fn one_shot(self) -> Result<LorrInstance, InputError> {
+        let team = self.starts.len();
+        let tasks = &self.tasks.tasks;
+        let (goals, passed_over) = deal(tasks, team);
+        if goals.len() < team {
+            let reason = format!(
+                "the {} tasks give only {} distinct goals, for a teamSize of {team}",
+                tasks.len(),
+                goals.len()
+            );
+            return Err(InputError::new(&self.tasks.source, reason)
+                .hint("every agent needs a goal of its own; write a smaller teamSize"));
+        }
+        let starts = self.starts.iter().zip(&self.start_lines);
+        let agents = starts.zip(goals).map(|((start, line), goal)| AgentEntry {
+            line: *line,
+            start: self.grid.row_col(*start),
+            goal: self.grid.row_col(goal),
+        });
+        Ok(LorrInstance {
+            agents: AgentList {
+                agents: agents.collect(),
+                source: self.starts_source,
+                map_file: Some(self.map_file),
+            },
+            files: self.files,
+            errands: tasks.iter().map(Vec::len).sum(),
+            tasks: tasks.len(),
+            passed_over,
+            grid: self.grid,
+        })
+    }
 }
 
 fn read_problem(source: &str, bytes: &[u8]) -> Result<Problem, InputError> {

@@ -38,7 +38,10 @@ pub use layout::{
     write_mapf_visualizer, write_paths_txt,
 };
 pub use libmrp::{read_libmrp, read_libmrp_schedule, write_libmrp, write_libmrp_schedule};
-pub use lorr::{LorrInstance, TaskList, load_lorr, load_lorr_tasks, read_lorr_tasks, write_lorr};
+pub use lorr::{
+    League, LorrInstance, TaskList, load_league, load_lorr, load_lorr_tasks, read_lorr_tasks,
+    write_lorr,
+};
 pub(crate) use lsmart::is_json;
 pub use lsmart::{read_lsmart, write_lsmart};
 pub use pibt2::{Pibt2Settings, read_pibt2, write_pibt2};

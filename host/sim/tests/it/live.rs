@@ -32,7 +32,21 @@ fn preset(name: &str, agents: usize) -> Fleet {
 }
 
 fn go(cell: u32) -> Order {
-    Order { cell, dwell_s: 0.0 }
+    Order::to(cell)
+}
+
+fn stay(cell: u32, dwell_s: f64) -> Order {
+    Order {
+        dwell_s,
+        ..Order::to(cell)
+    }
+}
+
+fn turn(cell: u32, heading_rad: f64) -> Order {
+    Order {
+        heading_rad: Some(heading_rad),
+        ..Order::to(cell)
+    }
 }
 
 fn disturbed(delay: &str, velocity: &str, messages: &str, seed: u64) -> Disturbance {
@@ -142,7 +156,7 @@ fn a_robot_stays_where_it_is_told_to() {
         let cell_s = if fleet.is_some() { leg_s(1.0) } else { 1.0 };
         // In passing, and where it is already.
         for stop in [[1, 2, 3], [1, 1, 2]] {
-            let orders = stop.map(|cell| Order { cell, dwell_s: 2.0 });
+            let orders = stop.map(|cell| stay(cell, 2.0));
             let mut live = begin(&config, &grid, fleet, &orders);
             let moves = f64::from(stop[2]);
             let times = [1, 2, 3].map(|number| until_done(&mut live, number));
@@ -574,21 +588,12 @@ fn what_cannot_be_driven_is_refused() {
         (0, go(40), "order 2 of agent 0 goes from cell 21 to cell 40"),
         (0, go(60), "order 2 of agent 0 goes to cell 60, of 60"),
         (1, go(0), "there is no agent 1: there are 1"),
+        (0, stay(21, -1.0), "order 2 of agent 0 stays for -1 s"),
+        (0, stay(21, f64::NAN), "order 2 of agent 0 stays for NaN s"),
         (
             0,
-            Order {
-                cell: 21,
-                dwell_s: -1.0,
-            },
-            "order 2 of agent 0 stays for -1 s",
-        ),
-        (
-            0,
-            Order {
-                cell: 21,
-                dwell_s: f64::NAN,
-            },
-            "order 2 of agent 0 stays for NaN s",
+            turn(21, 0.0),
+            "order 2 of agent 0 has the heading Some(0.0)",
         ),
     ];
     for (agent, order, message) in orders {
@@ -603,4 +608,43 @@ fn what_cannot_be_driven_is_refused() {
         assert_eq!(live.sent(0), 1);
         assert!((until_done(&mut live, 1) - 1.0).abs() < 1e-9);
     }
+}
+
+/// A robot of the League of Robot Runners: forwards, a quarter to the left, one to the right and
+/// again, each in a second, with turns past a whole one.
+#[test]
+fn orders_with_headings_turn_robots_in_place_in_a_step() {
+    use std::f64::consts::FRAC_PI_2;
+    let (grid, fleet) = (open(3, 5), preset("rotation", 2));
+    let config = SimConfig {
+        message_period_s: 1.0,
+        ..SimConfig::default()
+    };
+    let starts = [(5, 0.0), (14, 3.0 * FRAC_PI_2)];
+    let live = Live::new(&config, &grid, Some(&fleet), &starts).expect("a start");
+    let mut live = live.with_headings();
+    let steps = [
+        [(6, 0.0), (14, 4.0 * FRAC_PI_2)],
+        [(6, FRAC_PI_2), (14, 5.0 * FRAC_PI_2)],
+        [(1, FRAC_PI_2), (9, 5.0 * FRAC_PI_2)],
+        [(1, 0.0), (4, 5.0 * FRAC_PI_2)],
+        [(1, -FRAC_PI_2), (4, 4.0 * FRAC_PI_2)],
+        [(6, -FRAC_PI_2), (4, 3.0 * FRAC_PI_2)],
+    ];
+    for (at, step) in steps.iter().enumerate() {
+        for (agent, (cell, heading)) in step.iter().enumerate() {
+            live.send(agent, turn(*cell, *heading));
+        }
+        advance(&mut live);
+        for (agent, (cell, heading)) in step.iter().enumerate() {
+            assert_eq!(live.done(agent), at as u32 + 1);
+            let pose = live.pose(agent);
+            let (x, y) = fleetyard_core::cell_center_m(&grid, 1.0, *cell);
+            assert_eq!((pose.x, pose.y, pose.heading), (x, y, *heading));
+        }
+    }
+    assert_eq!(live.contacts().total(), 0);
+    live.send(0, Order::to(6));
+    let error = live.advance(&mut NoTrace).expect_err("it has no heading");
+    assert_eq!(error.to_string(), "order 7 of agent 0 has the heading None");
 }

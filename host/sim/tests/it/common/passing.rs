@@ -105,7 +105,13 @@ impl Passing {
                 };
                 let stays = dwell_s > 0.0 && below(rng, 10) == 0;
                 let dwell_s = if stays { dwell_s } else { 0.0 };
-                self.plan(robot, Order { cell, dwell_s });
+                self.plan(
+                    robot,
+                    Order {
+                        dwell_s,
+                        ..Order::to(cell)
+                    },
+                );
             }
         }
     }
