@@ -318,7 +318,7 @@ pub(crate) struct WorldArgs {
 }
 
 /// Disturbances of the execution.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct DisturbanceArgs {
     /// Delays of robots: none, bernoulli:P,SECONDS, uniform:MIN,MAX, gaussian:MEAN,STD or
     /// bursts:RATE,SECONDS
