@@ -22,6 +22,7 @@ mod fleet;
 pub mod fuzz;
 mod fuzz_corpus;
 mod grace;
+mod league;
 mod maze_benchmark;
 mod protocol;
 #[path = "../rows.rs"]

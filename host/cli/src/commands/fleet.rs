@@ -106,7 +106,7 @@ struct FleetAsked {
     #[arg(long, value_name = "N", default_value_t = FleetConfig::default().seed)]
     seed: u64,
     /// Rules of execution. Synchronous ones change defaults: --model rotation, or pebble if that is
-    /// asked for, --motion by it, --fail-policy all-wait, --period of a step
+    /// asked for, --motion by it, --fail-policy all-wait, --period of a step, --ticks-hz 10
     #[arg(long, value_parser = word::<Rules>(), default_value_t)]
     rules: Rules,
     /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
@@ -265,6 +265,9 @@ impl FleetAsked {
         }
         if !is_given("fail_policy") {
             asked.fail_policy = vec!["all-wait".into()];
+        }
+        if !is_given("ticks_hz") {
+            asked.ticks_hz = 10;
         }
         if !is_given("invocation") && asked.period.is_none() {
             asked.period = Some(asked.step.unwrap_or(1.0));

@@ -573,6 +573,45 @@ mod tests {
         );
     }
 
+    #[test]
+    fn an_instance_is_read_as_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| {
+            fs::write(folder.path().join(name), text).expect("written");
+        };
+        write(
+            "a.map",
+            "type octile\nheight 3\nwidth 4\nmap\n....\n....\n....\n",
+        );
+        write("a.agents", "3\n0\n5\n0\n");
+        write("a.tasks", "2\n1,2,1\n11\n");
+        let read = |more: &str| {
+            let files = r#""mapFile": "a.map", "agentFile": "a.agents", "taskFile": "a.tasks""#;
+            write("a.json", &format!("{{{files}, {more}}}"));
+            load_league(folder.path().join("a.json"))
+        };
+        let plain = read(r#""teamSize": 2"#).expect("an instance");
+        assert_eq!((&plain.starts, plain.reveal), (&vec![0, 5], 1.0));
+        assert_eq!(plain.tasks.tasks, [vec![1, 2, 1], vec![11]]);
+        assert_eq!((plain.ticks, plain.delays), (1, false));
+        assert_eq!(plain.files.len(), 3);
+        let late = read(
+            r#""teamSize": 1, "numTasksReveal": 1.5, "agentCounter": 3, "delayConfig": {"pDelay": 0.01}"#,
+        );
+        let late = late.expect("an instance");
+        assert_eq!((late.starts, late.reveal), (vec![0], 1.5));
+        assert_eq!((late.ticks, late.delays), (3, true));
+        // The third robot stands where the first one does.
+        let error = read(r#""teamSize": 3"#).expect_err("two in a cell");
+        assert!(
+            error
+                .to_string()
+                .ends_with("a.agents:4: cell 0 is the start of line 2 already"),
+            "{error}"
+        );
+        assert!(error.hint.is_some());
+    }
+
     proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "([0-9,#\n{}\":a-z]|\\PC){0,60}") {

@@ -6,7 +6,7 @@ use fleetyard_abi::Task;
 use fleetyard_core::formats::{TaskList, read_lorr_tasks};
 use fleetyard_core::{Connectivity, Grid, OFF_MAP, Role};
 use fleetyard_fleet::Assign;
-use fleetyard_fleet::assign::{Assigner, Source};
+use fleetyard_fleet::assign::{Assigner, Giving, Source};
 
 fn grid(rows: &[&str]) -> Grid {
     let terrain = rows.concat().into_bytes();
@@ -157,7 +157,7 @@ fn auto_is_tasks_then_roles_then_random() {
     assert_eq!(source(Assign::Auto, &half, None), Ok(Source::Random));
     assert_eq!(source(Assign::Auto, &roles, None), Ok(Source::Roles));
     assert_eq!(source(Assign::Random, &roles, None), Ok(Source::Random));
-    for assign in [Assign::Auto, Assign::Tasks] {
+    for assign in [Assign::Auto, Assign::Tasks, Assign::Generator] {
         let found = source(assign, &roles, Some(list()));
         assert!(matches!(found, Ok(Source::Tasks { .. })));
     }
@@ -318,4 +318,42 @@ fn what_cannot_be_is_refused_with_its_place() {
         "starts: agent 0 starts at row 2, column 4, with no goals to go to \
          (hint: start in a part of the map that has two free cells beside each other)"
     );
+}
+
+/// As the League's own scheduler: who has no task gets the one with the shortest way through all
+/// its places, one at a time.
+#[test]
+fn the_shortest_task_is_given_to_who_has_none() {
+    let grid = grid(&["..........", ".........."]);
+    // From cell 0 the ways are 9 + 9, 2 + 7 and 8; from cell 1, 8 + 9, 1 + 7 and 7.
+    let list = "3\n9,0\n2,9\n8\n";
+    let new = |giving| {
+        let source = tasks(&grid, list, 1.5);
+        let assigner = Assigner::with_starts(&grid, source, &[0, 1], 0).unwrap();
+        assigner.giving(giving)
+    };
+    let mut assigner = new(Giving::Shortest);
+    assert_eq!(assigner.busy(), [false, false]);
+    let goals = assigner.upcoming(&[0, 1], &[0, 0], 100);
+    assert_eq!((&goals[0], &goals[1]), (&[8][..], &[2, 9][..]));
+    assert_eq!(assigner.busy(), [true, true]);
+    // However near its end is: the window gives nobody a second task.
+    assert_eq!(assigner.open_tasks().len(), 1);
+    let goals = assigner.upcoming(&[7, 1], &[0, 0], 100);
+    assert_eq!((&goals[0], &goals[1]), (&[8][..], &[2, 9][..]));
+    assigner.reached(0, 0);
+    assert_eq!(assigner.busy(), [false, true]);
+    // Task 3 is task 0 once more; of two equal ones the older is given.
+    let goals = assigner.upcoming(&[8, 1], &[1, 0], 100);
+    assert_eq!(
+        (&goals[0], assigner.errand(0, 1).unwrap().task),
+        (&[9, 0][..], 0)
+    );
+
+    let mut assigner = new(Giving::Nobody);
+    let goals = assigner.upcoming(&[0, 1], &[0, 0], 100);
+    assert_eq!((&goals[0], &goals[1]), (&[0][..], &[1][..]));
+    assert_eq!(assigner.give(0, 2), Ok(()));
+    assert_eq!(assigner.busy(), [true, false]);
+    assert_eq!(assigner.upcoming(&[0, 1], &[0, 0], 100)[0], [8]);
 }

@@ -3,7 +3,7 @@
 use fleetyard_abi::{Heading, Instance, Motion};
 use fleetyard_check::Rule;
 use fleetyard_core::{Grid, GridPlan};
-use fleetyard_fleet::batch::{Refused, judge};
+use fleetyard_fleet::batch::{Refused, judge, judge_first};
 
 fn open() -> Grid {
     Grid::new("open", 2, 4, b".......@".to_vec()).unwrap()
@@ -83,4 +83,29 @@ fn turning_takes_steps_where_robots_turn() {
         "agent 0 looks north and moves from (0, 0) to (0, 1) between times 0 and 1: it needs 1 \
          step to turn and had 0 (turn), and 1 more"
     );
+}
+
+#[test]
+fn a_plan_of_which_a_step_is_executed_may_collide_later() {
+    let mut instance = Instance::one_shot(vec![0, 3], vec![3, 0]);
+    let paths: [&[u32]; 2] = [&[0, 1, 2, 3], &[3, 3]];
+    let first = |instance: &Instance, paths: &[&[u32]]| {
+        judge_first(&open(), instance, GridPlan::from_paths(paths))
+    };
+    for (window, cells) in [(0, 2), (1, 2), (2, 3), (3, 2)] {
+        instance.window_steps = window;
+        let batch = first(&instance, &paths).unwrap();
+        assert_eq!(batch.path(0), &paths[0][..cells], "window {window}");
+        assert_eq!(batch.plan(), &GridPlan::from_paths(paths));
+    }
+    instance.window_steps = 3;
+    // Rings and robots at each other's heels are no collisions; the same cell is one, and so is a
+    // step that is none, whenever it is.
+    let refused = first(&instance, &[&[0, 1], &[3, 3, 1]]).unwrap_err();
+    assert_eq!(refused.verdict.violations[0].rule, Rule::NotAdjacent);
+    instance.starts = vec![0, 1, 5, 4];
+    let ring: [&[u32]; 4] = [&[0, 1], &[1, 5], &[5, 4], &[4, 0]];
+    assert_eq!(first(&instance, &ring).unwrap().path(3), [4, 0]);
+    let refused = first(&instance, &[&[0, 1], &[1, 1], &[5], &[4]]).unwrap_err();
+    assert_eq!(refused.verdict.violations[0].time, 1);
 }
