@@ -458,7 +458,8 @@ impl Assigner {
     /// window, and at least two.
     ///
     /// Tasks are given to agents here ([`Giving`]). An agent may have fewer goals then; if it has
-    /// none, because nobody has a task for it, its only goal here is the cell where it will be.
+    /// none, because nobody has a task for it, its only goal here is the cell where it will be. It has
+    /// none here if the generator gives all tasks.
     pub fn upcoming(&mut self, cells: &[u32], next_goal: &[u32], window_steps: u32) -> Goals {
         self.give_tasks(cells, next_goal, window_steps);
         let mut goals = Goals::with_capacity(cells.len(), 2 * cells.len());
@@ -477,7 +478,7 @@ impl Assigner {
                 at = goal;
                 goals.push_item(goal);
             }
-            if goals.open_list().is_empty() {
+            if goals.open_list().is_empty() && self.giving != Giving::Nobody {
                 goals.push_item(cell);
             }
             goals.end_list();

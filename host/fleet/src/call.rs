@@ -181,7 +181,11 @@ impl Pipeline {
             }
             // The fail policy gets everybody to where they are to go next.
             None => Instance {
-                goals: Goals::single(state.next.goals.iter().map(|own| own[0]).collect()),
+                goals: {
+                    let goals = state.next.goals.iter().zip(&state.next.starts);
+                    let current = goals.map(|(own, start)| *own.first().unwrap_or(start));
+                    Goals::single(current.collect())
+                },
                 ..state.next.clone()
             },
         };

@@ -229,8 +229,8 @@ fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, Fl
     }
     if header.ground_digest != ground.digest() {
         return wrong(
-            "other robots or other tasks",
-            "the file of the fleet or of the tasks was changed since, or is another one",
+            "other robots, tasks or starts",
+            "the file of the fleet, of the tasks or of the starts was changed since, or is another one",
         );
     }
     Ok(header.config.clone())

@@ -444,11 +444,29 @@ struct Scene {
     starts: Option<Vec<u32>>,
     /// What only an instance says: tasks that are known at a time, per robot; ticks of an action;
     /// if robots are delayed.
-    reveal: Option<f64>,
+    reveal: Option<Revealed>,
     ticks: u32,
     delays: bool,
     /// The files that were read and are named nowhere else.
     files: Vec<PathBuf>,
+}
+
+/// Tasks that are known at a time, per robot, and the instance that says so.
+struct Revealed {
+    instance: PathBuf,
+    per_robot: f64,
+}
+
+impl Revealed {
+    fn per_robot(&self) -> Result<f64> {
+        if (1.0..=1e6).contains(&self.per_robot) {
+            return Ok(self.per_robot);
+        }
+        let reason = format!("numTasksReveal is {}", self.per_robot);
+        Err(InputError::new(self.instance.display().to_string(), reason)
+            .hint("write at least one known task per robot, or say it with --reveal")
+            .into())
+    }
 }
 
 impl Scene {
@@ -472,7 +490,10 @@ impl Scene {
             grid: Arc::new(league.grid),
             tasks: Some(league.tasks),
             starts: Some(league.starts),
-            reveal: Some(league.reveal),
+            reveal: Some(Revealed {
+                instance: instance.clone(),
+                per_robot: league.reveal,
+            }),
             ticks: league.ticks,
             delays: league.delays,
             files: league.files,
@@ -568,6 +589,8 @@ fn asked_config(
         .as_ref()
         .map_or(1, |starts| starts.len() as u32);
     let reveal_given = given.value_source("reveal") == Some(ValueSource::CommandLine);
+    let reveal = scene.reveal.as_ref().filter(|_| !reveal_given);
+    let reveal = reveal.map_or(Ok(asked.reveal), Revealed::per_robot)?;
     let mut config = FleetConfig {
         agents: asked.agents.unwrap_or(team),
         duration_s: asked.duration,
@@ -580,10 +603,7 @@ fn asked_config(
         queue: asked.queue,
         dwell_s: asked.dwell,
         assign: asked.assign,
-        reveal: scene
-            .reveal
-            .filter(|_| !reveal_given)
-            .unwrap_or(asked.reveal),
+        reveal,
         watchdog_s: asked.watchdog,
         allowance: Allowance {
             prepare_s: asked.prepare_budget,

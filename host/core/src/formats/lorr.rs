@@ -129,11 +129,21 @@ pub fn load_league(path: impl AsRef<Path>) -> Result<League, InputError> {
 fn read_league(source: &str, bytes: &[u8], folder: &Path) -> Result<League, InputError> {
     let problem = read_problem(source, bytes)?;
     let named = |file: &Path| folder.join(file);
+    // Of a file as a whole only its name can be wrong here.
+    let said = |key: &'static str| {
+        move |error: InputError| match (error.line, &error.hint) {
+            (None, None) => error.hint(format!(
+                "`{key}` of {source} names it; names are found from the folder of that file"
+            )),
+            _ => error,
+        }
+    };
     let map_path = named(&problem.map_file);
-    let grid = load_map(&map_path)?;
+    let grid = load_map(&map_path).map_err(said("mapFile"))?;
     let starts_path = named(&problem.agent_file);
     let starts_source = starts_path.display().to_string();
-    let starts = read_agents(&starts_source, &read_file(&starts_path, LIST_LIMIT)?, &grid)?;
+    let starts = read_file(&starts_path, LIST_LIMIT).map_err(said("agentFile"))?;
+    let starts = read_agents(&starts_source, &starts, &grid)?;
     let team = problem.team_size as usize;
     if team == 0 || team > starts.len() {
         let reason = format!(
@@ -153,7 +163,7 @@ fn read_league(source: &str, bytes: &[u8], folder: &Path) -> Result<League, Inpu
         }
     }
     let tasks_path = named(&problem.task_file);
-    let tasks = load_lorr_tasks(&tasks_path, &grid)?;
+    let tasks = load_lorr_tasks(&tasks_path, &grid).map_err(said("taskFile"))?;
     let (start_lines, starts) = starts.into_iter().take(team).unzip();
     let p_delay = problem.delay_config.as_ref().and_then(|delays| {
         let chance = delays.get("pDelay")?;
@@ -231,7 +241,10 @@ fn read_problem(source: &str, bytes: &[u8]) -> Result<Problem, InputError> {
             .at_line(1)
             .hint("an instance is an object with mapFile, agentFile, taskFile and teamSize"));
     }
-    serde_json::from_slice(bytes).map_err(|error| json_error(source, bytes, &error))
+    serde_json::from_slice(bytes).map_err(|error| {
+        json_error(source, bytes, &error)
+            .hint("an instance is an object with mapFile, agentFile, taskFile and teamSize")
+    })
 }
 
 /// A goal for each agent from a task of its own, in the order of the tasks and all

@@ -352,7 +352,7 @@ fn the_shortest_task_is_given_to_who_has_none() {
 
     let mut assigner = new(Giving::Nobody);
     let goals = assigner.upcoming(&[0, 1], &[0, 0], 100);
-    assert_eq!((&goals[0], &goals[1]), (&[0][..], &[1][..]));
+    assert!(goals[0].is_empty() && goals[1].is_empty());
     assert_eq!(assigner.give(0, 2), Ok(()));
     assert_eq!(assigner.busy(), [true, false]);
     assert_eq!(assigner.upcoming(&[0, 1], &[0, 0], 100)[0], [8]);
