@@ -7,7 +7,7 @@ use crate::batch::Batch;
 use crate::steps::Steps;
 use crate::{CutBy, FleetConfig, FleetError};
 
-/// What is left to do of the plans, by the rules of the run.
+/// The rest of the plans, by the rules of the run.
 #[derive(Debug)]
 pub(crate) enum Course {
     /// In the order of passing.

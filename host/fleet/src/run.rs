@@ -62,7 +62,7 @@ impl Ground<'_> {
         hasher.finish()
     }
 
-    /// Where the robots are at the start, and where they look.
+    /// The source of starts and goals, and the heading of all robots at the start.
     fn assigner(&self, config: &FleetConfig) -> Result<(Assigner, Heading), FleetError> {
         let source = Source::new(config.assign, self.grid, self.tasks.cloned(), config.reveal)?;
         let agents = config.agents as usize;

@@ -437,13 +437,13 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
-/// Where robots drive, from which cells on, and for which tasks.
+/// Map, tasks and starts of a run.
 struct Scene {
     grid: Arc<Grid>,
     tasks: Option<TaskList>,
     starts: Option<Vec<u32>>,
-    /// What only an instance says: tasks that are known at a time, per robot; ticks of an action;
-    /// if robots are delayed.
+    /// Tasks that are known at a time, ticks of an action, and the presence of delays: an instance
+    /// alone says so.
     reveal: Option<Revealed>,
     ticks: u32,
     delays: bool,
