@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use fleetyard_abi::{Kind, Motion};
 use fleetyard_core::{Hasher, InputError, words};
 use fleetyard_sim::motion::Model;
+use fleetyard_sim::noise::Disturbance;
 use fleetyard_sim::{Fleet, SimConfig, Tier};
 use serde::{Deserialize, Serialize};
 
@@ -202,7 +203,7 @@ impl FleetConfig {
             ..
         } = &self.sim;
         let ticks = step_s * f64::from(*ticks_hz);
-        let disturbance = fleetyard_sim::noise::Disturbance {
+        let disturbance = Disturbance {
             seed: 0,
             ..*disturbance
         };
@@ -223,12 +224,12 @@ impl FleetConfig {
                 "leave the tier out: robots are where the plan says",
             ),
             (
-                disturbance != Default::default(),
+                disturbance != Disturbance::default(),
                 "robots or messages are disturbed",
                 "leave delays, noise and losses out: robots are where the plan says",
             ),
             (
-                message_period_s != step_s || ticks.fract() != 0.0,
+                message_period_s.total_cmp(step_s).is_ne() || ticks.fract() > 0.0,
                 "a step is no whole number of ticks",
                 "give a step and ticks per second whose product is whole, such as 1 and 60",
             ),

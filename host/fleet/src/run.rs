@@ -66,20 +66,17 @@ impl Ground<'_> {
     fn assigner(&self, config: &FleetConfig) -> Result<(Assigner, Heading), FleetError> {
         let source = Source::new(config.assign, self.grid, self.tasks.cloned(), config.reveal)?;
         let agents = config.agents as usize;
-        let (assigner, heading) = match self.starts {
-            Some(starts) => {
-                let first = starts.get(..agents).ok_or_else(|| {
-                    let reason = format!("{agents} robots, but {} starts", starts.len());
-                    InputError::new("agents", reason)
-                        .hint(format!("ask for 1 to {} robots", starts.len()))
-                })?;
-                let assigner = Assigner::with_starts(self.grid, source, first, config.seed)?;
-                (assigner, Heading::East)
-            }
-            None => {
-                let assigner = Assigner::new(self.grid, source, agents, config.seed)?;
-                (assigner, Heading::North)
-            }
+        let (assigner, heading) = if let Some(starts) = self.starts {
+            let first = starts.get(..agents).ok_or_else(|| {
+                let reason = format!("{agents} robots, but {} starts", starts.len());
+                InputError::new("agents", reason)
+                    .hint(format!("ask for 1 to {} robots", starts.len()))
+            })?;
+            let assigner = Assigner::with_starts(self.grid, source, first, config.seed)?;
+            (assigner, Heading::East)
+        } else {
+            let assigner = Assigner::new(self.grid, source, agents, config.seed)?;
+            (assigner, Heading::North)
         };
         let giving = match (config.assign, config.is_synchronous()) {
             (Assign::Generator, _) => Giving::Nobody,
@@ -395,9 +392,10 @@ impl<'a> Run<'a> {
         let answers = answers.start(|modules| start(ground, config, modules))?;
         Ok(Self {
             tally: Tally::new(config, period_s, grid.cell_count()),
-            limit: match config.is_synchronous() {
-                true => 0,
-                false => in_blocks(config.limit_s),
+            limit: if config.is_synchronous() {
+                0
+            } else {
+                in_blocks(config.limit_s)
             },
             ground,
             config,
@@ -822,9 +820,10 @@ impl<'a> Run<'a> {
                     parts: Vec::new(),
                 },
                 // One task at a time, as the League has it.
-                busy: match config.is_synchronous() {
-                    true => self.assigner.busy(),
-                    false => Vec::new(),
+                busy: if config.is_synchronous() {
+                    self.assigner.busy()
+                } else {
+                    Vec::new()
                 },
             })?;
         }

@@ -144,9 +144,10 @@ impl Steps {
     /// Drops the rest of the plan, and says where robots are.
     pub(crate) fn cut(&mut self) -> Cut {
         let rest = |agent| moves::encode(self.rest(agent), self.cols).unwrap_or_default();
-        let rest = match self.tells_rest {
-            true => (0..self.agents()).map(rest).collect(),
-            false => Vec::new(),
+        let rest = if self.tells_rest {
+            (0..self.agents()).map(rest).collect()
+        } else {
+            Vec::new()
         };
         let dropped = self.pending();
         self.batch = None;

@@ -373,16 +373,13 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     let grid = &scene.grid;
     let model = (setup.model != PEBBLE).then_some(&*setup.model);
     let robots = robots(setup.fleet.as_deref(), model)?;
-    let (config, bodies) = match &recording {
-        Some(recording) => {
-            let config = recording.header().config.clone();
-            let bodies = bodies(&robots, config.agents as usize, &config.sim)?;
-            (config, bodies)
-        }
-        None => {
-            scene.remark(asked.rules);
-            asked_config(&asked, &scene, given, &robots)?
-        }
+    let (config, bodies) = if let Some(recording) = &recording {
+        let config = recording.header().config.clone();
+        let bodies = bodies(&robots, config.agents as usize, &config.sim)?;
+        (config, bodies)
+    } else {
+        scene.remark(asked.rules);
+        asked_config(&asked, &scene, given, &robots)?
     };
     let config = with_host(config, arguments);
     let ground = Ground {
