@@ -5,7 +5,7 @@ use std::io;
 use crate::common::passing::Passing;
 use crate::common::{random_grid, rng, starts, valid_drives};
 use fleetyard_core::{Digest, Grid};
-use fleetyard_sim::motion::{DifferentialDrive, Model};
+use fleetyard_sim::motion::{DifferentialDrive, Model, Rotation};
 use fleetyard_sim::noise::Disturbance;
 use fleetyard_sim::trace::{States, Summary};
 use fleetyard_sim::{
@@ -615,7 +615,8 @@ fn what_cannot_be_driven_is_refused() {
 #[test]
 fn orders_with_headings_turn_robots_in_place_in_a_step() {
     use std::f64::consts::FRAC_PI_2;
-    let (grid, fleet) = (open(3, 5), preset("rotation", 2));
+    let model = Model::Rotation(Rotation::default());
+    let (grid, fleet) = (open(3, 5), uniform(disc(0.3, model), 2));
     let config = SimConfig {
         message_period_s: 1.0,
         ..SimConfig::default()
