@@ -8,9 +8,10 @@
 //! the budget ends or the host goes away. The same C ABI and the same
 //! [`fleetyard_abi::sdk`] traits stand at every seam.
 //!
-//! The code is in three rooms: `confinement` (processes, sandbox, limits), `sessions`
-//! (attachments and calls), and [`measure`] (cores, load, machine). Beside them stand the
-//! files of plugins: where they are, what their code is, and which of it is pinned.
+//! The code is in three rooms, of which each knows those after it: `sessions` (attachments
+//! and calls), `confinement` (processes, sandbox, limits), and [`measure`] (cores, load,
+//! machine). Beside them stand the files of plugins: where they are, what their code is, and
+//! which of it is pinned.
 //!
 //! This crate does not judge plans (`fleetyard-check` does), and it knows no
 //! files but plugins.
@@ -30,6 +31,7 @@ mod options;
 mod plugin_file;
 mod sessions;
 mod usage;
+mod user_folder;
 
 pub use code::CodeFile;
 pub use confinement::promises::BrokenPromise;

@@ -17,9 +17,9 @@ use crate::Fault;
 use crate::confinement::control::Report;
 use crate::confinement::process::Process;
 use crate::confinement::sandbox::{Filter, Profile, find_program};
-use crate::confinement::state;
 use crate::confinement::target::Target;
 use crate::confinement::transport::Transport;
+use crate::user_folder;
 
 /// Interpreters by name, and what each is asked to do: threads, processes, files, pipes,
 /// timers, and what its numerical libraries do when they are loaded.
@@ -77,7 +77,7 @@ pub(crate) fn strictest(
 ) -> Filter {
     static FOUND: OnceLock<Filter> = OnceLock::new();
     let found = FOUND.get_or_init(|| {
-        let passed = state::folder("allow-list").ok().zip(circumstances());
+        let passed = user_folder::folder("allow-list").ok().zip(circumstances());
         let passed = passed.map(|(folder, name)| folder.path.join(name));
         if passed.as_deref().is_some_and(Path::exists) {
             return Filter::of(Profile::AllowList);

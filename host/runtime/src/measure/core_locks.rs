@@ -10,7 +10,7 @@ use rustix::fs::{
 };
 use serde::Serialize;
 
-use crate::confinement::state;
+use crate::user_folder;
 
 /// The wait for another process that is choosing, which takes it milliseconds. Only one that
 /// was stopped in the middle takes longer.
@@ -35,8 +35,8 @@ pub(super) struct Folder {
     handle: OwnedFd,
 }
 
-impl From<state::Folder> for Folder {
-    fn from(state::Folder { path, handle }: state::Folder) -> Self {
+impl From<user_folder::Folder> for Folder {
+    fn from(user_folder::Folder { path, handle }: user_folder::Folder) -> Self {
         Self { path, handle }
     }
 }
@@ -95,15 +95,15 @@ impl NoCores {
     }
 }
 
-impl From<state::NoFolder> for NoCores {
-    fn from(state::NoFolder { folder, detail }: state::NoFolder) -> Self {
+impl From<user_folder::NoFolder> for NoCores {
+    fn from(user_folder::NoFolder { folder, detail }: user_folder::NoFolder) -> Self {
         Self::Folder { folder, detail }
     }
 }
 
 impl Folder {
     pub(super) fn open() -> Result<Self, NoCores> {
-        state::folder("cores")
+        user_folder::folder("cores")
             .map(Self::from)
             .map_err(NoCores::from)
     }

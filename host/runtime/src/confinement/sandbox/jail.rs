@@ -40,8 +40,8 @@ use crate::confinement::cgroup::{Cgroup, Places};
 use crate::confinement::child::{GOES_FIRST, goes_first};
 use crate::confinement::process_tree::View;
 use crate::confinement::remove::remove_tree;
-use crate::confinement::state;
 use crate::usage::Limit;
+use crate::user_folder;
 
 /// Users of sandboxes when the host is root: one per supervisor, far from those
 /// that people and containers are given.
@@ -779,7 +779,7 @@ pub(crate) struct ScratchFolder(PathBuf);
 impl ScratchFolder {
     /// Path of the scratch folder that a run is going to have.
     pub(crate) fn path_of(run: &str) -> std::io::Result<PathBuf> {
-        let folder = state::folder("scratch").map_err(std::io::Error::other)?;
+        let folder = user_folder::folder("scratch").map_err(std::io::Error::other)?;
         Ok(folder.path.join(run))
     }
 

@@ -1,7 +1,7 @@
 use super::*;
-use crate::confinement::state;
 use crate::measure::fixture::{Fixture, laptop, server};
 use crate::measure::{pin, pin_this_process};
+use crate::user_folder;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, BufReader, Write};
@@ -13,7 +13,7 @@ fn cpus(text: &str) -> Cpus {
 }
 
 fn folder(at: &tempfile::TempDir) -> Folder {
-    state::below(at.path(), "fleetyard", "cores", true)
+    user_folder::below(at.path(), "fleetyard", "cores", true)
         .unwrap()
         .into()
 }
@@ -168,7 +168,7 @@ fn folders_of_others_are_refused() {
     let place = tempfile::tempdir().unwrap();
     let real = place.path().join("real");
     std::fs::create_dir(&real).unwrap();
-    let open = |name: &str| state::below(place.path(), name, "cores", false).map(|_| ());
+    let open = |name: &str| user_folder::below(place.path(), name, "cores", false).map(|_| ());
     symlink(&real, place.path().join("link")).unwrap();
     assert!(open("link").is_err());
     assert!(real.read_dir().unwrap().next().is_none());
@@ -182,7 +182,7 @@ fn folders_of_others_are_refused() {
     );
     std::fs::write(place.path().join("file"), "").unwrap();
     assert!(open("file").is_err());
-    assert!(state::below(&place.path().join("none"), "x", "cores", true).is_err());
+    assert!(user_folder::below(&place.path().join("none"), "x", "cores", true).is_err());
     // Nobody else's files are locked, even if they are put there.
     let folder = folder(&place);
     symlink(&real, folder.path.join("core-0")).unwrap();
@@ -391,9 +391,10 @@ fn a_process_of_its_own() {
     let Some(place) = std::env::var_os("FLEETYARD_TEST_CORES") else {
         return;
     };
-    let folder: Folder = state::below(std::path::Path::new(&place), "fleetyard", "cores", true)
-        .unwrap()
-        .into();
+    let folder: Folder =
+        user_folder::below(std::path::Path::new(&place), "fleetyard", "cores", true)
+            .unwrap()
+            .into();
     let topology = topology(&laptop(), "0-7");
     let held = topology.reserve_in(&folder, 1);
     let text = held
