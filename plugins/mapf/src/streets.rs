@@ -7,7 +7,8 @@
 //!
 //! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
 //!   ([`Lanes::is_barred`]), an agent makes one only if it is pushed, and no way counts on one: if
-//!   ways led along it, agents would stand before it;
+//!   ways led along it, agents would stand before it. The same holds for moves against
+//!   [doors](doors), which lead one way where others lead back;
 //! - a turn by 90° costs what it costs the robot: the turn itself, braking before it and setting
 //!   out after it ([`Turning`]);
 //! - a cell where others had to wait of late costs a little more ([`Traffic`]): a jam is gone round
@@ -17,7 +18,9 @@
 //! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
 //! than turn, and nobody would push.
 
+mod doors;
 mod passages;
+mod signals;
 pub mod ways;
 
 use std::f64::consts::FRAC_PI_2;
@@ -29,7 +32,9 @@ use fleetyard_plugin_spacetime::distance::Tables;
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
-use self::passages::{Passages, SIGHT, Signals};
+use self::doors::Doors;
+use self::passages::Passage;
+use self::signals::{Crossings, SIGHT, Signals};
 use self::ways::{Moves, Room, Tolls, Ways};
 use crate::lifelong::{Place, Ranking};
 
@@ -129,7 +134,8 @@ pub struct Streets {
     lanes: Lanes,
     /// All but those that are barred.
     moves: Moves,
-    passages: Passages,
+    doors: Doors,
+    crossings: Crossings,
     step_s: f64,
     tables: Tables<Key, Ways>,
     room: Room,
@@ -158,16 +164,29 @@ impl Streets {
     /// take so many bytes.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
         let lanes = Lanes::new(graph, charge);
-        let moves = Moves::new(graph, |v, d| charge == 0 || !lanes.is_barred(v, d));
+        let open = |v, d| charge == 0 || !lanes.is_barred(v, d);
+        let passages = Passage::all(graph);
+        let doors = match charge {
+            0 => Doors::default(),
+            _ => Doors::new(graph, &passages, open),
+        };
+        let may = |v, d| open(v, d) && !doors.is_barred(v, d);
         Self {
             graph: Arc::clone(graph),
-            passages: Passages::new(graph, &moves),
-            moves,
+            crossings: Crossings::new(graph, passages, may),
+            moves: Moves::new(graph, may),
             lanes,
+            doors,
             step_s,
             tables: Tables::new(bytes),
             room: Room::default(),
         }
+    }
+
+    /// True if ways may lead along the move from `v` in direction `d`: there is one, and neither a lane
+    /// nor a door bars it.
+    pub fn may(&self, v: Vertex, d: usize) -> bool {
+        self.moves.away(v, d).is_some()
     }
 
     /// Makes ready for a fleet. Agents whose tables did not fit, or were not made before time was
@@ -230,14 +249,13 @@ impl Streets {
             }
             ranking.journeys[agent] = ranking.journey(agent, 0);
         }
-        if !ranking.streets.passages.is_empty() {
+        if !ranking.streets.crossings.is_empty() {
             let routes = starts.iter().enumerate().take(goals.len());
             let routes = routes.map(|(agent, start)| {
                 let heading = headings.and_then(|headings| headings.get(agent));
                 ranking.route(agent, *start, heading.map(|heading| direction(*heading)))
             });
-            let period = traffic.map(|traffic| traffic.last.number);
-            ranking.signals = Some(Signals::new(&ranking.streets.passages, routes, period));
+            ranking.signals = Some(Signals::new(&ranking.streets.crossings, routes, traffic));
         }
         Some(ranking)
     }
@@ -250,7 +268,11 @@ impl Streets {
             let wait = share.map_or(0, |share| {
                 u32::from(*share) * WAIT * STEP / u32::from(u8::MAX)
             });
-            STEP * (1 + self.lanes.charge(v, d)) + wait
+            let charge = match self.doors.leads(v, d) {
+                true => 0,
+                false => self.lanes.charge(v, d),
+            };
+            STEP * (1 + charge + self.crossings.charge(v, to)) + wait
         })
     }
 }
@@ -376,7 +398,7 @@ impl Ranking for ByStreet<'_> {
         let Streets {
             graph,
             moves,
-            passages,
+            crossings,
             ..
         } = &*self.streets;
         let journey = &self.journeys[place.agent];
@@ -393,14 +415,21 @@ impl Ranking for ByStreet<'_> {
             let closed = self
                 .signals
                 .as_ref()
-                .is_some_and(|signals| signals.closed(passages, place.agent, here, v));
-            if closed {
+                .map_or(0, |signals| signals.closed(crossings, place.agent, here, v));
+            if closed > 0 {
                 barred += usize::from(v != here);
-                let cost = if v == here { u32::MAX - 1 } else { u32::MAX };
-                *key = (cost, cell);
+                // Of two that are as bad, staying is better.
+                *key = (u32::MAX - 8 + 2 * closed + u32::from(v != here), cell);
                 continue;
             }
             let cost = match around.iter().position(|u| *u == v) {
+                None if self
+                    .signals
+                    .as_ref()
+                    .is_some_and(|signals| signals.holds(place.agent)) =>
+                {
+                    0
+                }
                 None => STEP + ways.from(moves, here, place.heading, tolls),
                 Some(d) => {
                     if let Some(number) = moves.away(here, d) {
@@ -429,7 +458,7 @@ impl Ranking for ByStreet<'_> {
             Some((ways, here)) => {
                 let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls].1);
                 let class = match &self.signals {
-                    Some(_) if self.streets.passages.contains(here) => 0,
+                    Some(_) if self.streets.crossings.contains(here) => 0,
                     Some(signals) if signals.holds(place.agent) => 2,
                     _ => 1,
                 };

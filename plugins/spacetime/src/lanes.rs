@@ -12,10 +12,11 @@
 //! that lead them, so that agents go round by another street if that is hardly further.
 //!
 //! Moves against lanes can be done without where lanes alone lead from everywhere to everywhere
-//! else: [`Lanes::is_barred`] makes one-way streets of that part of the map. A charge alone does
+//! else: [`Lanes::is_barred`] makes one-way streets of such parts of the map. A charge alone does
 //! not stop agents from meeting head on in an aisle, which robots that do not move in chains at once
 //! never get out of.
 
+use crate::digraph::Digraph;
 use crate::graph::{DIRECTIONS, Graph, Vertex};
 
 /// A line is a street when it has at least so many quarters of the moves of the one that has
@@ -27,7 +28,7 @@ const QUARTERS: usize = 3;
 pub struct Lanes {
     /// Per vertex the directions that are against its lanes, a bit each.
     against: Box<[u8]>,
-    /// Of these, those within the part of the map that its lanes connect.
+    /// Of these, those within a part of the map that lanes connect.
     barred: Box<[u8]>,
     charge: u32,
 }
@@ -64,11 +65,11 @@ impl Lanes {
             }
         }
         let one_way = Digraph::new(graph, |v, d| against[v as usize] >> d & 1 == 0);
-        let inside = one_way.largest_component();
+        let part = one_way.components();
         let barred = (0..graph.len() as Vertex)
             .map(|v| {
                 let bit = |(d, &u): (usize, &Vertex)| {
-                    let within = inside[v as usize] && u != graph.wall() && inside[u as usize];
+                    let within = u != graph.wall() && part[v as usize] == part[u as usize];
                     u8::from(within) << d
                 };
                 let within = graph.around(v).iter().enumerate().map(bit);
@@ -82,9 +83,9 @@ impl Lanes {
         }
     }
 
-    /// True if the move from `v` in direction `d` is against a lane where lanes alone lead from
-    /// everywhere to everywhere else: in the largest strongly connected part of the map without moves
-    /// against lanes.
+    /// True if the move from `v` in direction `d` is against a lane within a part of the map where
+    /// lanes alone lead from everywhere to everywhere else: a strongly connected component of the map
+    /// without moves against lanes.
     #[inline]
     pub fn is_barred(&self, v: Vertex, d: usize) -> bool {
         self.barred[v as usize] >> d & 1 == 1
@@ -99,84 +100,6 @@ impl Lanes {
     /// Charge of a move against a lane, in steps.
     pub fn most(&self) -> u32 {
         self.charge
-    }
-}
-
-/// The moves along lanes.
-struct Digraph<'g> {
-    graph: &'g Graph,
-    /// Per vertex the directions of its moves, a bit each.
-    moves: Vec<u8>,
-}
-
-impl<'g> Digraph<'g> {
-    fn new(graph: &'g Graph, may: impl Fn(Vertex, usize) -> bool) -> Self {
-        let moves = (0..graph.len() as Vertex)
-            .map(|v| {
-                let bit = |(d, &u): (usize, &Vertex)| u8::from(u != graph.wall() && may(v, d)) << d;
-                let bits = graph.around(v).iter().enumerate().map(bit);
-                bits.fold(0, |bits, bit| bits | bit)
-            })
-            .collect();
-        Self { graph, moves }
-    }
-
-    /// The next vertex of `v` after direction `from`, forwards or backwards, and its direction.
-    fn next(&self, v: Vertex, from: usize, backwards: bool) -> Option<(usize, Vertex)> {
-        (from..DIRECTIONS).find_map(|d| {
-            let u = self.graph.around(v)[d];
-            let leads = u != self.graph.wall()
-                && if backwards {
-                    self.moves[u as usize] >> ((d + 2) % DIRECTIONS) & 1 == 1
-                } else {
-                    self.moves[v as usize] >> d & 1 == 1
-                };
-            leads.then_some((d, u))
-        })
-    }
-
-    /// Visits what can be reached from `root` and is not `seen`, and gives each vertex when it is
-    /// left.
-    fn search(&self, root: Vertex, backwards: bool, seen: &mut [bool], left: &mut Vec<Vertex>) {
-        if std::mem::replace(&mut seen[root as usize], true) {
-            return;
-        }
-        let mut stack = vec![(root, 0)];
-        while let Some((v, from)) = stack.last_mut() {
-            if let Some((d, u)) = self.next(*v, *from, backwards) {
-                *from = d + 1;
-                if !std::mem::replace(&mut seen[u as usize], true) {
-                    stack.push((u, 0));
-                }
-            } else {
-                left.push(*v);
-                stack.pop();
-            }
-        }
-    }
-
-    /// The vertices of the largest strongly connected component; of equals the one that is found
-    /// first. By two depth-first searches (S. R. Kosaraju, 1978).
-    fn largest_component(&self) -> Vec<bool> {
-        let count = self.moves.len();
-        let (mut seen, mut order) = (vec![false; count], Vec::with_capacity(count));
-        for v in 0..count as Vertex {
-            self.search(v, false, &mut seen, &mut order);
-        }
-        seen.fill(false);
-        let (mut largest, mut component) = (Vec::new(), Vec::new());
-        for v in order.into_iter().rev() {
-            component.clear();
-            self.search(v, true, &mut seen, &mut component);
-            if component.len() > largest.len() {
-                std::mem::swap(&mut largest, &mut component);
-            }
-        }
-        let mut inside = vec![false; count];
-        for v in largest {
-            inside[v as usize] = true;
-        }
-        inside
     }
 }
 

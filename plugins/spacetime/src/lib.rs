@@ -12,6 +12,7 @@
 //! - [`gradient::Gradients`]: the ways to many goals, for fleets of thousands;
 //! - [`labels::Labels`]: distances between any two places, with no search per goal;
 //! - [`lanes::Lanes`]: which way agents had better go along rows and columns;
+//! - [`digraph::Digraph`]: the parts of a map that allowed moves connect;
 //! - [`reservation::Reservations`]: who is where when;
 //! - [`sipp::Sipp`]: the best path of one agent among the paths of others;
 //! - [`conflict::Conflicts`]: where paths of a team collide, kept up to date as they change;
@@ -28,6 +29,7 @@
 pub mod astar;
 pub mod conflict;
 pub mod constraints;
+pub mod digraph;
 pub mod distance;
 pub mod gradient;
 pub mod graph;

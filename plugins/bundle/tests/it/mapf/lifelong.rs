@@ -441,7 +441,7 @@ fn a_door_is_open_in_one_direction_at_a_time() {
         flow: Vec::new(),
     };
     let mut ways = Vec::new();
-    for period in 0..2 {
+    for period in [0, 2] {
         let traffic = Traffic {
             period_s: 20.0,
             time_constant_s: 50.0,

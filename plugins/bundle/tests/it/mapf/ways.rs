@@ -1,5 +1,8 @@
 //! Ways whose turns cost, against a search that is obviously right.
 
+use std::sync::Arc;
+
+use fleetyard_plugin_mapf::streets::Streets;
 use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Room, Ways, quarters};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
@@ -90,26 +93,54 @@ fn reached(graph: &Graph, from: Vertex, may: impl Fn(Vertex, usize) -> bool) -> 
 
 #[test]
 fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
-    let mut barred = 0;
-    for seed in 0..60 {
+    let (mut by_lanes, mut by_doors) = (0, 0);
+    for seed in 0..120 {
         let mut random = Random::new(seed, 1);
         let (rows, cols) = (1 + random.below(12), 1 + random.below(12));
-        let blocked = random.below(4);
+        let blocked = random.below(5);
         let passable: Vec<bool> = (0..rows * cols)
             .map(|_| random.below(10) >= blocked)
             .collect();
-        let graph = Graph::new(rows, cols, &passable);
+        let graph = Arc::new(Graph::new(rows, cols, &passable));
         let lanes = Lanes::new(&graph, 4);
+        let streets = Streets::new(&graph, 4, 1.0, 1 << 20);
         for v in 0..graph.len() as Vertex {
-            let moves = (0..DIRECTIONS).filter(|d| graph.around(v)[*d] != graph.wall());
-            barred += moves.filter(|d| lanes.is_barred(v, *d)).count();
-            let all = reached(&graph, v, |_, _| true);
+            for d in (0..DIRECTIONS).filter(|d| graph.around(v)[*d] != graph.wall()) {
+                by_lanes += usize::from(lanes.is_barred(v, d));
+                by_doors += usize::from(!lanes.is_barred(v, d) && !streets.may(v, d));
+            }
             assert_eq!(
-                reached(&graph, v, |v, d| !lanes.is_barred(v, d)),
-                all,
+                reached(&graph, v, |v, d| streets.may(v, d)),
+                reached(&graph, v, |_, _| true),
                 "seed {seed}, from {v}"
             );
         }
     }
-    assert!(barred > 1000, "{barred}");
+    assert!(by_lanes > 1000 && by_doors > 50, "{by_lanes}, {by_doors}");
+}
+
+/// The directions in which one may go from each cell of a map.
+fn ways_out(map: &[&str]) -> Vec<String> {
+    let passable: Vec<bool> = map.concat().bytes().map(|cell| cell == b'.').collect();
+    let graph = Arc::new(Graph::new(map.len(), map[0].len(), &passable));
+    let streets = Streets::new(&graph, 4, 1.0, 1 << 20);
+    let from = |cell| {
+        let v = graph.vertex(cell as u32)?;
+        let may = (0..DIRECTIONS).filter(|d| streets.may(v, *d));
+        Some(may.map(|d| char::from(b"NESW"[d])).collect())
+    };
+    (0..passable.len())
+        .map(|cell| from(cell).unwrap_or_default())
+        .collect()
+}
+
+#[test]
+fn of_two_doors_one_leads_back() {
+    let rooms = ["..@..", ".....", "..@..", "..@..", ".....", "..@.."];
+    let ways = ways_out(&rooms);
+    let doors = [&ways[7], &ways[22]].map(String::as_str);
+    assert!(matches!(doors, ["E", "W"] | ["W", "E"]), "{doors:?}");
+    // A single one has to be driven both ways.
+    let ways = ways_out(&rooms[..3]);
+    assert_eq!(ways[7], "EW");
 }
