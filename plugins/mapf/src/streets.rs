@@ -268,9 +268,10 @@ impl Streets {
             let wait = share.map_or(0, |share| {
                 u32::from(*share) * WAIT * STEP / u32::from(u8::MAX)
             });
-            let charge = match self.doors.leads(v, d) {
-                true => 0,
-                false => self.lanes.charge(v, d),
+            let charge = if self.doors.leads(v, d) {
+                0
+            } else {
+                self.lanes.charge(v, d)
             };
             STEP * (1 + charge + self.crossings.charge(v, to)) + wait
         })

@@ -254,9 +254,10 @@ impl Signals {
             });
             if let Some((Gate { passage, end }, comes)) = wanted {
                 let crowd = &mut crowds[passage as usize];
-                let count = match comes {
-                    true => &mut crowd.coming,
-                    false => &mut crowd.waiting,
+                let count = if comes {
+                    &mut crowd.coming
+                } else {
+                    &mut crowd.waiting
                 };
                 count[usize::from(end)] += 1;
             }
