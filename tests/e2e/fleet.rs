@@ -377,6 +377,26 @@ fn rooms_with_doors_of_one_cell_do_not_jam() {
 }
 
 #[test]
+fn a_fleet_that_jams_is_told_so() {
+    let map = map("maze-32-32-3.map");
+    let yard = Yard::new();
+    let ran = yard
+        .line(&format!(
+            "fleet --map {map} --agents 60 --model agv --duration 10m --planner pibt --window 10s"
+        ))
+        .expect(SUCCESS);
+    assert!(
+        ran.stderr.contains("warning: throughput fell from "),
+        "{ran}"
+    );
+    assert!(
+        ran.stderr
+            .contains("hint: fewer robots may reach more goals"),
+        "{ran}"
+    );
+}
+
+#[test]
 fn an_interrupted_run_has_results_and_can_go_on() {
     if is_ignored("INT") {
         return;

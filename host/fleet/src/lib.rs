@@ -25,8 +25,8 @@ pub use fleetyard_sim::trace::By;
 pub use memory::{PERIOD_S, TIME_CONSTANT_S, memory_of};
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
-    CallTimes, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome, Point,
-    StepMetrics,
+    CallTimes, Decay, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome,
+    Point, StepMetrics,
 };
 pub use recording::{End, Header, KeptBytes, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
 pub use run::{Ground, Watch, replay, resume, run, step_s};

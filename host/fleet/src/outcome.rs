@@ -143,6 +143,59 @@ pub struct StepMetrics {
     pub unplanned: u64,
 }
 
+/// A fall of throughput in the course of a run that is not chance: robots stand in each other's way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Decay {
+    /// Goals per simulated second in the best fifth of the run, the last one left out.
+    pub best_per_s: f64,
+    /// Goals per simulated second in the last fifth.
+    pub last_per_s: f64,
+    /// Share of robots and moments standing still in the last fifth.
+    pub still_share: f64,
+}
+
+impl Decay {
+    /// Least time of a run, in seconds; those before it begin from places without any crowd.
+    const LEAST_S: f64 = 300.0;
+    /// Parts that a run is compared by.
+    const PARTS: usize = 5;
+    /// No decay: the last part has so much of the best.
+    const KEPT: f64 = 0.8;
+    /// Nor is this: goals of the last part that are missing are within so many standard deviations,
+    /// of numbers that are a Poisson process's.
+    const DEVIATIONS: f64 = 4.0;
+
+    /// Of a series; none of a short one, or where throughput holds.
+    pub fn of(series: &[Point], agents: u32) -> Option<Self> {
+        let end_s = series.last()?.time_s;
+        if end_s < Self::LEAST_S {
+            return None;
+        }
+        let until = |part: usize| {
+            let time_s = end_s * part as f64 / Self::PARTS as f64;
+            series.partition_point(|point| point.time_s <= time_s)
+        };
+        let goals = |part: usize| {
+            let count = |at: usize| at.checked_sub(1).map_or(0, |at| series[at].goals_reached);
+            count(until(part)).saturating_sub(count(until(part - 1))) as f64
+        };
+        let best = (1..Self::PARTS).map(goals).fold(0.0, f64::max);
+        let last = goals(Self::PARTS);
+        let missing = best - last;
+        if last > Self::KEPT * best || missing < Self::DEVIATIONS * (best + last).sqrt() {
+            return None;
+        }
+        let points = &series[until(Self::PARTS - 1)..];
+        let still: u64 = points.iter().map(|point| u64::from(point.waiting)).sum();
+        let part_s = end_s / Self::PARTS as f64;
+        Some(Self {
+            best_per_s: best / part_s,
+            last_per_s: last / part_s,
+            still_share: still as f64 / (points.len() as f64 * f64::from(agents)).max(1.0),
+        })
+    }
+}
+
 /// The figures that runs are compared by.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetMetrics {
@@ -169,6 +222,9 @@ pub struct FleetMetrics {
     pub fail_policy_time_ms: CallTimes,
     /// Share of robots and time spent standing still, be it to wait or at a goal.
     pub waiting_share: f64,
+    /// The fall of throughput, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decay: Option<Decay>,
     /// Most actions that were in the graph at a time.
     pub adg_nodes_max: usize,
     /// Plans that were claimed to be right and refused.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::recording::{Notice, Round};
 use crate::{
-    By, CallTimes, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
+    By, CallTimes, Decay, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
     StepMetrics,
 };
 
@@ -178,6 +178,7 @@ impl Tally {
                 .then(|| CallTimes::of(self.planner_cpu_ms.clone())),
             fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),
             waiting_share: share(self.waited, blocks * agents as u64),
+            decay: Decay::of(&self.series, agents as u32),
             adg_nodes_max: self.adg_nodes_max,
             invalid_batches: count(EventKind::InvalidBatch) + count(EventKind::InvalidRecovery),
             rings_cut: self.rings_cut,

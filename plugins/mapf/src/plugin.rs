@@ -12,7 +12,7 @@ use fleetyard_plugin_spacetime::problem::{ProblemError, graph_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::epibt::run as epibt;
+use crate::epibt::run::{self as epibt, Watch as _};
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::streets::{Journeys, Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
@@ -275,7 +275,12 @@ impl Method for EpibtOptions {
             traffic: instance.traffic(),
         };
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
-        let Some(mut by_street) = block.streets.ranking(journeys, &mut || call.stop()) else {
+        // Half of the time for tables, so that the first call of many agents has a plan as well; what
+        // was made is kept to the next call.
+        let mut clock = Clock { call, until_ns: 0 };
+        clock.begin(2);
+        let mut pause = || clock.pause() || call.stop();
+        let Some(mut by_street) = block.streets.ranking(journeys, &mut pause) else {
             return failure(
                 Status::GaveUp,
                 "the ways to the goals would take more memory than the budget has",
@@ -297,7 +302,6 @@ impl Method for EpibtOptions {
             rest: rest.as_ref(),
             seed: call.budget.seed,
         };
-        let mut clock = Clock { call, until_ns: 0 };
         let (plan, end) = epibt::run(&block.graph, &mut by_street, &query, &mut clock)?;
         if end == epibt::End::Done || query.window.is_some() {
             call.submit(&plan);

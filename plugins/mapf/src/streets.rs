@@ -225,6 +225,7 @@ impl Streets {
             goals,
             journeys: vec![Journey::default(); goals.len()],
             signals: None,
+            late: false,
             streets: self,
         };
         let mut missing = Vec::new();
@@ -245,6 +246,7 @@ impl Streets {
         missing.sort_unstable();
         for (_, agent) in missing {
             if stop() {
+                ranking.late = true;
                 break;
             }
             ranking.journeys[agent] = ranking.journey(agent, 0);
@@ -298,6 +300,8 @@ pub struct ByStreet<'a> {
     goals: &'a Goals,
     journeys: Vec<Journey>,
     signals: Option<Signals>,
+    /// True once there is no time for more tables.
+    late: bool,
 }
 
 /// An agent on its way to a goal.
@@ -341,13 +345,18 @@ impl ByStreet<'_> {
         let make = || Ways::new(graph, moves, goal, tolls, room);
         Journey {
             visited,
-            ways: tables.get(key, Ways::bytes(moves), make),
+            ways: if self.late {
+                tables.kept(key)
+            } else {
+                tables.get(key, Ways::bytes(moves), make)
+            },
             tolls: at,
         }
     }
 
     /// The costs of the ways of an agent to the goal after so many that it has visited, and which
-    /// [`ByStreet::tolls`] they are made of; `None` where the tables are full.
+    /// [`ByStreet::tolls`] they are made of; `None` where there is no
+    /// room for the table, or no time to make it.
     pub(crate) fn ways(&mut self, agent: usize, visited: usize) -> Option<(Arc<Ways>, usize)> {
         let Journey { ways, tolls, .. } = self.journey(agent, visited);
         ways.map(|ways| (ways, tolls))

@@ -822,6 +822,16 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
         }
     }
     if let Format::Text = arguments.format {
+        if let Some(decay) = &outcome.metrics.decay {
+            output::warning(&format!(
+                "throughput fell from {} goals per second in the best fifth of the run to {} in the \
+                 last, in which {:.0} % of the robots stood still: they are in each other's way",
+                number(decay.best_per_s),
+                number(decay.last_per_s),
+                100.0 * decay.still_share
+            ));
+            output::hint("fewer robots may reach more goals: compare with `--agents`");
+        }
         for (kind, count) in &outcome.metrics.event_counts {
             let first = outcome.events.iter().find(|event| event.kind == *kind);
             if let Some(event) = first {

@@ -1,7 +1,7 @@
 //! Settings of a fleet, and the times of its calls.
 
 use fleetyard_abi::Kind;
-use fleetyard_fleet::{CallTimes, FleetConfig};
+use fleetyard_fleet::{CallTimes, Decay, FleetConfig, Point};
 
 #[test]
 fn seeds_depend_on_run_module_and_call() {
@@ -60,5 +60,53 @@ fn percentiles_are_of_the_nearest_rank() {
     assert_eq!(
         [one.p50, one.p95].map(f64::to_bits),
         [3.0; 2].map(f64::to_bits)
+    );
+}
+
+/// A run in which so many goals are reached per second, and three of ten robots stand.
+fn series(seconds: u32, goals_per_s: impl Fn(u32) -> u64) -> Vec<Point> {
+    let mut goals_reached = 0;
+    let points = (1..=seconds).map(|second| {
+        goals_reached += goals_per_s(second);
+        Point {
+            time_s: f64::from(second),
+            goals_reached,
+            waiting: 3,
+            adg_nodes: 0,
+            planner_calls: 0,
+            fail_calls: 0,
+        }
+    });
+    points.collect()
+}
+
+#[test]
+fn a_fall_of_throughput_is_told_from_chance_and_from_a_slow_beginning() {
+    assert_eq!(Decay::of(&[], 10), None);
+    assert_eq!(Decay::of(&series(1000, |_| 5), 10), None);
+    assert_eq!(
+        Decay::of(&series(1000, |second| u64::from(second > 500)), 10),
+        None
+    );
+    // Five goals instead of ten in 200 s may be chance; 500 instead of 1000 are not.
+    let halved = |every: u32, goals: u64| {
+        series(1000, move |second| match second {
+            ..=800 => goals * u64::from(second.is_multiple_of(every)),
+            _ => goals * u64::from(second.is_multiple_of(2 * every)),
+        })
+    };
+    assert_eq!(Decay::of(&halved(20, 1), 10), None);
+    let known = Decay {
+        best_per_s: 5.0,
+        last_per_s: 2.5,
+        still_share: 0.3,
+    };
+    assert_eq!(Decay::of(&halved(1, 5), 10), Some(known));
+    // A tenth less is none, and neither is anything in a run of a few minutes.
+    let less = series(1000, |second| 10 - u64::from(second > 800));
+    assert_eq!(Decay::of(&less, 10), None);
+    assert_eq!(
+        Decay::of(&series(290, |second| 300 - u64::from(second)), 10),
+        None
     );
 }
