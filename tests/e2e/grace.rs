@@ -164,7 +164,7 @@ fn the_page_about_grace_is_what_its_rows_say() {
         fs::copy(kept.join(file), yard.path("grace-a").join(file)).unwrap();
     }
     script(&yard, "page --page grace-a.md").expect(SUCCESS);
-    for file in ["grace-a.md", "grace-a/figure.svg"] {
+    for file in ["grace-a.md", "grace-a/figure.svg", "grace-a/by-planner.csv"] {
         let there = fs::read_to_string(results.join(file)).unwrap();
         assert!(
             text(&yard, file) == there,

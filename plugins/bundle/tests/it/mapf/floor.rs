@@ -59,8 +59,8 @@ pub(crate) struct Manner {
 }
 
 impl Floor {
-    /// Agents at random cells of the largest part of a map, each of which knows so many goals, along lanes if moves against them
-    /// are charged.
+    /// Agents at random cells of the largest part of a map, each of which knows so many goals, along
+    /// lanes if moves against them are charged.
     pub(crate) fn new(
         map: GridEnvironment,
         agents: usize,
@@ -117,7 +117,7 @@ impl Floor {
             },
             traffic: None,
         };
-        let ranking = self.streets.ranking(journeys, &mut || false);
+        let ranking = self.streets.ranking(journeys, &mut || watch.pause());
         let mut streets = ranking.expect("there is room for the tables");
         let query = Query {
             starts: &instance.starts,
