@@ -7,8 +7,8 @@
 //!
 //! - a move against a [lane](Lanes) is charged. Where lanes alone lead everywhere
 //!   ([`Lanes::is_barred`]), an agent makes one only if it is pushed, and no way counts on one: if
-//!   ways led along it, agents would stand before it. The same holds for moves against
-//!   [doors](doors), which lead one way where others lead back;
+//!   ways led along it, agents would stand before it. The same holds for moves against doors, which
+//!   lead one way where others lead back;
 //! - a turn by 90° costs what it costs the robot: the turn itself, braking before it and setting
 //!   out after it ([`Turning`]);
 //! - a cell where others had to wait of late costs a little more ([`Traffic`]): a jam is gone round

@@ -2,8 +2,9 @@
 //!
 //! Two crowds that meet at a door push each other for ever: where robots cannot move in chains at
 //! once, each of them moves only after the one before has left. So a passage is open in one direction
-//! at a time, in turn where both sides want it, and who is inside goes first and is let out. A dead
-//! end takes one agent at a time.
+//! at a time, in turn where both sides want it, and who is inside goes first and is let out. The cells
+//! straight ahead of its ends, its approaches, are part of it: a crowd would close them. A dead end
+//! takes one agent at a time.
 
 use fleetyard_abi::Traffic;
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
@@ -12,7 +13,7 @@ use super::passages::{NONE, Passage};
 
 /// Agents want a passage that is on their way within so many moves.
 pub(super) const SIGHT: usize = 20;
-/// A passage stays open for a period of the averages, and for another one per so many cells.
+/// The turn of an end is two periods of averages long, and two more for every so many cells.
 const CELLS_PER_PERIOD: usize = 5;
 /// Most cells straight ahead of a passage that make up its approach.
 const APPROACH: usize = 12;
