@@ -6,17 +6,17 @@
 //!
 //! | paper | here |
 //! | --- | --- |
-//! | multi-action operation, of `ω` actions | [`Operation`], of `D` cells; all of them: [`operations::Maker`] |
-//! | operations of an agent, sorted by `h` | [`Team::candidates`], by [`Operation::loss`] |
-//! | reservations of vertices and edges per step | [`Team::held`], [`Team::claim`] |
-//! | operations inherited from the step before | [`Team::settle`] |
-//! | the loop over agents in order of priority | [`Team::pass`] |
-//! | recursion of PIBT that displaces one agent per try | [`Team::build`]; each call is a [`Frame`] of its stack |
-//! | re-visits of an agent, at most ten | [`VISITS`] |
-//! | score of a step, to be large | [`Team::loss`], to be small: the sum without what is the same for all steps |
-//! | EPIBT+LNS | [`Team::improve`] |
-//! | (not in the paper) rings of moves may be forbidden | [`Team::closes_ring`] |
-//! | (not in the paper) goals after the next one | [`operations::Aim`] |
+//! | multi-action operation, of `ω` actions | `Operation`, of `D` cells; all of them: `operations::Maker` |
+//! | operations of an agent, sorted by `h` | `Team::candidates`, by `Operation::loss` |
+//! | reservations of vertices and edges per step | `Team::held`, `Team::claim` |
+//! | operations inherited from the step before | `Team::settle` |
+//! | the loop over agents in order of priority | `Team::pass` |
+//! | recursion of PIBT that displaces one agent per try | `Team::build`; each call is a `Frame` of its stack |
+//! | re-visits of an agent, at most ten | `VISITS` |
+//! | score of a step, to be large | `Team::loss`, to be small: the sum without what is the same for all steps |
+//! | EPIBT+LNS | `Team::improve` |
+//! | (not in the paper) rings of moves may be forbidden | `Team::closes_ring` |
+//! | (not in the paper) goals after the next one | `operations::Aim` |
 //!
 //! This module makes one step of the planner. [`run`] makes one after the other, and tells agents
 //! where they are.
