@@ -451,6 +451,7 @@ fn plugins_are_listed_and_described() {
         [
             "lacam",
             "pibt",
+            "epibt",
             "pp",
             "pbs",
             "mapf-lns2",

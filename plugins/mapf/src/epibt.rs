@@ -47,7 +47,7 @@ pub(crate) struct Operation<const D: usize> {
     pub(crate) loss: i64,
 }
 
-/// What stands against an operation.
+/// Agents that stand against an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Claim {
     Free,
@@ -85,9 +85,9 @@ pub(crate) struct Team<const D: usize> {
     /// one leaves.
     rings: bool,
     starts: Vec<Vertex>,
-    /// Who stands where at first.
+    /// The agent in each vertex at first.
     occupant: Vec<u32>,
-    /// Who is where after each step: `D` entries a vertex.
+    /// The agent in each vertex after each step: `D` entries a vertex.
     held: Vec<u32>,
     chosen: Vec<Operation<D>>,
     /// Operations of all agents, best first; those of agent `i` are from `first[i]` up to but not
@@ -185,7 +185,7 @@ impl<const D: usize> Team<D> {
         self.held[v as usize * D + step]
     }
 
-    /// Who is in a cell before a step.
+    /// The agent in a cell before a step.
     #[inline]
     fn before(&self, v: Vertex, step: usize) -> u32 {
         if step == 0 {
@@ -195,7 +195,7 @@ impl<const D: usize> Team<D> {
         }
     }
 
-    /// Who stands against an operation of an agent that has none now.
+    /// The agents against an operation of an agent that has none now.
     #[inline]
     fn claim(&self, agent: u32, operation: &Operation<D>) -> Claim {
         let mut other = NOBODY;

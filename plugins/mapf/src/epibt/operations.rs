@@ -65,7 +65,7 @@ pub(crate) struct Maker<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Errand<'a> {
     pub(crate) start: Vertex,
-    /// Where it looks, if that matters.
+    /// The direction in which it looks, if that matters.
     pub(crate) heading: Option<u8>,
     /// Its next goals: two at most.
     pub(crate) aims: &'a [Aim<'a>],

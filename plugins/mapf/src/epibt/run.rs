@@ -300,7 +300,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         }
     }
 
-    /// What an agent is to do now.
+    /// Asks about the task of an agent at this moment.
     fn errand<T>(&self, agent: usize, ask: impl FnOnce(&Maker<'_>, &Errand<'_>) -> T) -> T {
         let agent = &self.agents[agent];
         let aim = |number: usize| {

@@ -1,4 +1,4 @@
-//! Who may enter passages that are driven in both directions.
+//! Signals before passages that are driven in both directions.
 //!
 //! Two crowds that meet at a door push each other for ever: where robots cannot move in chains at
 //! once, each of them moves only after the one before has left. So a passage is open in one direction

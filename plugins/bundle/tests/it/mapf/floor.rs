@@ -50,7 +50,7 @@ pub(crate) struct Floor {
     rest: Option<GridPlan>,
 }
 
-/// How a fleet plans.
+/// The settings of a fleet's planner.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Manner {
     pub(crate) horizon: usize,
