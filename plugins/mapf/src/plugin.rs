@@ -24,9 +24,6 @@ const LANE_CHARGE: u16 = 4;
 /// Tables of goals that nobody has any longer are kept up to so many bytes, and up to half
 /// of what the planner may use.
 const TABLE_BYTES: u64 = 512 << 20;
-/// The same for tables of the ways along lanes. A fleet that needs more than half of that at a
-/// time does without lanes: to make them takes longer than a call.
-const LANE_BYTES: u64 = 256 << 20;
 
 /// Retries of `lacam` under a window: always as many, so that its plans do not depend on the speed
 /// of the machine.
@@ -280,12 +277,7 @@ impl Method for EpibtOptions {
         let mut clock = Clock { call, until_ns: 0 };
         clock.begin(2);
         let mut pause = || clock.pause() || call.stop();
-        let Some(mut by_street) = block.streets.ranking(journeys, &mut pause) else {
-            return failure(
-                Status::GaveUp,
-                "the ways to the goals would take more memory than the budget has",
-            );
-        };
+        let mut by_street = block.streets.ranking(journeys, &mut pause);
         let [rows, cols] = block.size;
         let rest = instance.rest_of_plan();
         let rest = rest.and_then(|rest| rest.plan(&instance.starts, rows, cols).ok());
@@ -366,14 +358,12 @@ pub struct Roads {
 impl Roads {
     fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u32) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid)?);
-        let bytes = match budget.memory_bytes {
-            0 => TABLE_BYTES,
-            bytes => TABLE_BYTES.min(bytes / 2),
-        };
-        let streets = || Streets::new(&graph, lane_charge, grid.step_s, LANE_BYTES.min(bytes / 2));
+        let bytes = half_of_memory(budget);
+        let streets =
+            || Streets::new(&graph, lane_charge, grid.step_s, bytes / 2).with_signals();
         Ok(Self {
             streets: (lane_charge > 0).then(streets),
-            lifelong: Lifelong::new(graph, bytes),
+            lifelong: Lifelong::new(graph, TABLE_BYTES.min(bytes)),
         })
     }
 
@@ -447,7 +437,7 @@ impl Roads {
         };
         let stop = &mut || call.stop();
         let streets = self.streets.as_mut().filter(|_| query.window.is_some());
-        let ranking = streets.and_then(|streets| {
+        let ranking = streets.map(|streets| {
             let journeys = Journeys {
                 starts: &instance.starts,
                 goals: &instance.goals,

@@ -35,7 +35,7 @@ use fleetyard_plugin_spacetime::lanes::Lanes;
 use self::doors::Doors;
 use self::passages::Passage;
 use self::signals::{Crossings, SIGHT, Signals};
-use self::ways::{Moves, Room, Tolls, Ways};
+use self::ways::{Moves, Tolls, Ways};
 use crate::lifelong::{Place, Ranking};
 
 /// Units of cost in a step.
@@ -45,6 +45,8 @@ pub(crate) const STEP: u32 = 4;
 const WAIT: u32 = 5;
 /// A turn costs no more steps than this: robots that hardly turn are to arrive as well.
 const MOST_TURN: f64 = 50.0;
+/// Tables that no agent asks for any longer are kept in so many bytes.
+const IDLE_BYTES: u64 = 256 << 20;
 
 /// The time that a turn by 90° takes a robot: to brake, to turn and to set out again, less the time
 /// in which it would have driven the same way without a stop.
@@ -138,7 +140,6 @@ pub struct Streets {
     crossings: Crossings,
     step_s: f64,
     tables: Tables<Key, Ways>,
-    room: Room,
 }
 
 /// All that decides about a table: the goal, the cost of a turn, and a hash of the averages.
@@ -161,7 +162,7 @@ pub struct Journeys<'a> {
 
 impl Streets {
     /// Moves against a lane are charged so many steps of so many seconds; 0 for no lanes. Tables may
-    /// take so many bytes.
+    /// take so many bytes. There are no [signals](Streets::with_signals).
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
         let lanes = Lanes::new(graph, charge);
         let open = |v, d| charge == 0 || !lanes.is_barred(v, d);
@@ -173,14 +174,23 @@ impl Streets {
         let may = |v, d| open(v, d) && !doors.is_barred(v, d);
         Self {
             graph: Arc::clone(graph),
-            crossings: Crossings::new(graph, passages, may),
+            crossings: Crossings::new(graph, Vec::new(), may),
             moves: Moves::new(graph, may),
             lanes,
             doors,
             step_s,
             tables: Tables::new(bytes),
-            room: Room::default(),
         }
+    }
+
+    /// With signals before passages of one cell's width that are driven in both directions, for planners
+    /// that ask [`Ranking::rank`]. Moves that join the approach of one are charged.
+    #[must_use]
+    pub fn with_signals(mut self) -> Self {
+        let passages = Passage::all(&self.graph);
+        let may = |v, d| self.moves.away(v, d).is_some();
+        self.crossings = Crossings::new(&self.graph, passages, may);
+        self
     }
 
     /// True if ways may lead along the move from `v` in direction `d`: there is one, and neither a lane
@@ -189,15 +199,21 @@ impl Streets {
         self.moves.away(v, d).is_some()
     }
 
-    /// Makes ready for a fleet. Agents whose tables did not fit, or were not made before time was
-    /// up, follow PIBT's own order; the tables of those nearest to their goals are made first, and
-    /// all that were made are kept. `None` when tables of one goal each would take more than half of
-    /// the bytes, so that none would stay to the next goals.
+    /// Bytes that tables take now.
+    pub fn bytes(&mut self) -> u64 {
+        self.tables.weigh(self.tables.limit(), Ways::bytes);
+        self.tables.bytes()
+    }
+
+    /// Makes ready for a fleet. Agents whose tables do not fit, which are those furthest from their
+    /// goals, and those whose ways were not found before time was up, follow their planner's own
+    /// order. The ways of those nearest to their goals are found first, and all that were found are
+    /// kept.
     pub fn ranking<'a>(
         &'a mut self,
         journeys: Journeys<'a>,
         stop: &mut dyn FnMut() -> bool,
-    ) -> Option<ByStreet<'a>> {
+    ) -> ByStreet<'a> {
         let Journeys {
             starts,
             goals,
@@ -205,10 +221,7 @@ impl Streets {
             turning,
             traffic,
         } = journeys;
-        let bytes = Ways::bytes(&self.moves).saturating_mul(goals.len() as u64);
-        if bytes > self.tables.limit() / 2 {
-            return None;
-        }
+        self.tables.weigh(IDLE_BYTES, Ways::bytes);
         self.tables.begin();
         let averages = match traffic {
             Some(traffic) => vec![&traffic.last.waiting[..], &traffic.before.waiting],
@@ -222,14 +235,16 @@ impl Streets {
             tolls,
             traffic,
             turn,
+            starts,
             goals,
             journeys: vec![Journey::default(); goals.len()],
+            fits: self.fits(starts, goals),
             signals: None,
             late: false,
             streets: self,
         };
         let mut missing = Vec::new();
-        for (agent, &start) in starts.iter().enumerate().take(goals.len()) {
+        for agent in 0..goals.len() {
             let Some((goal, key, _)) = ranking.key(agent, 0) else {
                 continue;
             };
@@ -237,10 +252,7 @@ impl Streets {
             if tables.kept(key).is_some() {
                 ranking.journeys[agent] = ranking.journey(agent, 0);
             } else {
-                let far = graph
-                    .vertex(start)
-                    .map(|start| graph.manhattan(start, goal));
-                missing.push((far, agent));
+                missing.push((away(graph, starts, agent, goal), agent));
             }
         }
         missing.sort_unstable();
@@ -250,6 +262,8 @@ impl Streets {
                 break;
             }
             ranking.journeys[agent] = ranking.journey(agent, 0);
+            let heading = headings.and_then(|headings| headings.get(agent));
+            ranking.rest(agent, heading.map(|heading| direction(*heading)));
         }
         if !ranking.streets.crossings.is_empty() {
             let routes = starts.iter().enumerate().take(goals.len());
@@ -259,7 +273,31 @@ impl Streets {
             });
             ranking.signals = Some(Signals::new(&ranking.streets.crossings, routes, traffic));
         }
-        Some(ranking)
+        ranking
+    }
+
+    /// Of all agents those whose ways fit into half of the bytes, the nearest to their goals first. This
+    /// depends on their places alone, not on what is kept.
+    fn fits(&self, starts: &[u32], goals: &Goals) -> Vec<bool> {
+        let graph = &*self.graph;
+        let journeys = starts.iter().zip(goals.iter()).enumerate();
+        let journeys = journeys.filter_map(|(agent, (start, goals))| {
+            let [start, goal] = [start, goals.first()?].map(|cell| graph.vertex(*cell));
+            let (start, goal) = start.zip(goal)?;
+            let bytes = Ways::expected(graph, &self.moves, start, goal);
+            Some((graph.manhattan(start, goal), agent, bytes))
+        });
+        let mut journeys: Vec<(u32, usize, u64)> = journeys.collect();
+        let mut fits = vec![true; goals.len()];
+        let mut left = self.tables.limit() / 2;
+        if journeys.iter().map(|(_, _, bytes)| bytes).sum::<u64>() > left {
+            journeys.sort_unstable();
+            for (_, agent, bytes) in journeys {
+                fits[agent] = bytes <= left;
+                left = left.saturating_sub(bytes);
+            }
+        }
+        fits
     }
 
     /// Costs of turns, and of moves where agents wait so much, by cell, in units of 1/255.
@@ -280,6 +318,12 @@ impl Streets {
     }
 }
 
+/// Steps from the start of an agent to a goal if nothing were in the way.
+fn away(graph: &Graph, starts: &[u32], agent: usize, goal: Vertex) -> Option<u32> {
+    let start = graph.vertex(*starts.get(agent)?)?;
+    Some(graph.manhattan(start, goal))
+}
+
 /// Stands for averages among those of a process. What a number stands for in one run may be
 /// something else in the next.
 fn hash_of(waiting: &[u8]) -> u64 {
@@ -297,8 +341,11 @@ pub struct ByStreet<'a> {
     traffic: Option<&'a Traffic>,
     /// Costs of moves by the last averages, and by those before, with a hash of the averages.
     tolls: Vec<(u64, Tolls)>,
+    starts: &'a [u32],
     goals: &'a Goals,
     journeys: Vec<Journey>,
+    /// Per agent true if there is room for its ways.
+    fits: Vec<bool>,
     signals: Option<Signals>,
     /// True once there is no time for more tables.
     late: bool,
@@ -322,35 +369,50 @@ impl ByStreet<'_> {
         let goal = self.streets.graph.vertex(cell)?;
         let at = self.traffic.map_or(0, |traffic| {
             let snapshot = traffic.snapshot_of(cell.into());
-            usize::from(!std::ptr::eq(snapshot, &raw const traffic.last))
+            usize::from(snapshot.number != traffic.last.number)
         });
         Some((goal, (goal, self.turn, self.tolls[at].0), at))
     }
 
     fn journey(&mut self, agent: usize, visited: usize) -> Journey {
-        let Some((goal, key, at)) = self.key(agent, visited) else {
+        let key = self.key(agent, visited);
+        let Some((goal, key, at)) = key.filter(|_| self.fits[agent]) else {
             return Journey {
                 visited,
                 ..Journey::default()
             };
         };
+        // The agent comes from its last goal, or its start.
+        let before = match visited.checked_sub(1) {
+            Some(last) => self.goals[agent].get(last),
+            None => self.starts.get(agent),
+        };
         let Streets {
             graph,
             moves,
             tables,
-            room,
             ..
         } = &mut *self.streets;
+        let before = before.and_then(|cell| graph.vertex(*cell)).unwrap_or(goal);
         let tolls = &self.tolls[at].1;
-        let make = || Ways::new(graph, moves, goal, tolls, room);
         Journey {
             visited,
             ways: if self.late {
                 tables.kept(key)
             } else {
-                tables.get(key, Ways::bytes(moves), make)
+                let bytes = Ways::expected(graph, moves, before, goal);
+                tables.get(key, bytes, || Ways::new(graph, moves, goal, before, tolls))
             },
             tolls: at,
+        }
+    }
+
+    /// Finds the way of an agent to its first goal.
+    fn rest(&self, agent: usize, heading: Option<u8>) {
+        let Journey { ways, tolls, .. } = &self.journeys[agent];
+        let start = self.streets.graph.vertex(self.starts[agent]);
+        if let Some((ways, start)) = ways.as_deref().zip(start) {
+            ways.from(&self.streets.moves, start, heading, self.tolls(*tolls));
         }
     }
 
@@ -443,7 +505,7 @@ impl Ranking for ByStreet<'_> {
                 None => STEP + ways.from(moves, here, place.heading, tolls),
                 Some(d) => {
                     if let Some(number) = moves.away(here, d) {
-                        ways.along(number, d, place.heading, tolls)
+                        ways.along(moves, number, d, place.heading, tolls)
                     } else {
                         barred += 1;
                         u32::MAX

@@ -321,6 +321,22 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         self.bytes
     }
 
+    /// Counts anew how many bytes tables take that grow while they are in use. Those that the last
+    /// call has not asked for go until all take no more than `idle`; and all go where they take
+    /// more than three quarters of the limit, so that those of the next call grow from nothing.
+    pub fn weigh(&mut self, idle: u64, bytes: impl Fn(&T) -> u64) {
+        self.bytes = 0;
+        for kept in self.kept.values_mut() {
+            kept.bytes = bytes(&kept.table);
+            self.bytes += kept.bytes;
+        }
+        self.drop_old(idle);
+        if self.bytes > self.limit - self.limit / 4 {
+            self.kept.clear();
+            self.bytes = 0;
+        }
+    }
+
     /// A call begins: tables that it does not ask for may go.
     pub fn begin(&mut self) {
         self.call += 1;
@@ -340,7 +356,9 @@ impl<K: Copy + Ord, T> Tables<K, T> {
             return Some(table);
         }
         if self.bytes + bytes > self.limit {
-            self.make_room(bytes);
+            // And a quarter of the limit beside, so that this is rare.
+            let most = (self.limit - self.limit / 4).saturating_sub(bytes);
+            self.drop_old(most);
             if self.bytes + bytes > self.limit {
                 return None;
             }
@@ -356,9 +374,12 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         Some(table)
     }
 
-    /// Drops the tables that were not asked for longest until there is room for `needed`
-    /// bytes and for as much again as a quarter of the limit, so that this is rare.
-    fn make_room(&mut self, needed: u64) {
+    /// Drops tables that this call has not asked for, those that were not asked for longest first,
+    /// until all take no more than `most` bytes.
+    fn drop_old(&mut self, most: u64) {
+        if self.bytes <= most {
+            return;
+        }
         let mut old: Vec<_> = self
             .kept
             .iter()
@@ -367,7 +388,7 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         old.retain(|(call, _)| *call < self.call);
         old.sort_unstable();
         for (_, key) in old {
-            if self.bytes + needed <= self.limit - self.limit / 4 {
+            if self.bytes <= most {
                 return;
             }
             if let Some(kept) = self.kept.remove(&key) {

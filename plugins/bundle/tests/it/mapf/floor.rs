@@ -117,8 +117,7 @@ impl Floor {
             },
             traffic: None,
         };
-        let ranking = self.streets.ranking(journeys, &mut || watch.pause());
-        let mut streets = ranking.expect("there is room for the tables");
+        let mut streets = self.streets.ranking(journeys, &mut || watch.pause());
         let query = Query {
             starts: &instance.starts,
             goals: &instance.goals,

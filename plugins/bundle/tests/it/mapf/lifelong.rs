@@ -112,12 +112,14 @@ fn drive(
     cells.truncate(agents);
     let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
     let mut planner = lifelong(map);
-    let mut streets = Streets::new(planner.graph(), charge, 1.0, 1 << 24);
+    let streets_of =
+        |planner: &Lifelong| Streets::new(planner.graph(), charge, 1.0, 1 << 24).with_signals();
+    let mut streets = streets_of(&planner);
     let (mut reached, mut longest) = (0, 0);
     for call in 0..calls {
         if fresh {
             planner = lifelong(map);
-            streets = Streets::new(planner.graph(), charge, 1.0, 1 << 24);
+            streets = streets_of(&planner);
         }
         let lists: Vec<Vec<u32>> = (0..agents)
             .map(|a| (0..3).map(|k| stream(a, next[a] + k)).collect())
@@ -128,9 +130,7 @@ fn drive(
             ..query(&cells, &goals, Some(window))
         };
         let (plan, end) = if charge > 0 {
-            let mut by_street = streets
-                .ranking(journeys(&cells, &goals), &mut || false)
-                .unwrap();
+            let mut by_street = streets.ranking(journeys(&cells, &goals), &mut || false);
             let run = planner.run(&query, &mut by_street, &mut || false);
             run.unwrap()
         } else {
@@ -399,17 +399,49 @@ fn a_lane_is_worth_a_way_round() {
     let mut streets = Streets::new(planner.graph(), 2, 1.0, 1 << 24);
     // Without time for tables everybody goes by distance.
     for (stopped, length) in [(true, 5), (false, 7)] {
-        let ranking = streets.ranking(journeys(&starts, &goals), &mut || stopped);
-        let mut by_street = ranking.unwrap();
+        let mut by_street = streets.ranking(journeys(&starts, &goals), &mut || stopped);
         let run = planner.run(&query, &mut by_street, &mut || false);
         assert_eq!(way(&run.unwrap().0), Some(length));
     }
-    // On a map so large that the tables would be too large there are no lanes.
-    let large = open(1000);
-    let mut streets = Streets::new(lifelong(&large).graph(), 2, 1.0, 1 << 24);
-    let many = self::grid::goals(&vec![vec![0]; 5]);
-    let ranking = streets.ranking(journeys(&[0; 5], &many), &mut || false);
-    assert!(ranking.is_none());
+    // Where there is room for the ways of the nearest only, the furthest goes by distance.
+    let mut streets = Streets::new(planner.graph(), 2, 1.0, 10_000);
+    let lists = [vec![0], vec![7]];
+    let goals = grid::goals(&lists);
+    let mut by_street = streets.ranking(journeys(&starts, &goals), &mut || false);
+    let query = Query {
+        goals: &goals,
+        ..query
+    };
+    let run = planner.run(&query, &mut by_street, &mut || false);
+    let plan = run.unwrap().0;
+    assert_eq!(way(&plan), Some(5));
+    // From the west end of the second row, east against its lane.
+    assert!(plan.path(1).iter().position(|cell| *cell == 7) > Some(1));
+}
+
+/// The ways to goals on a large map, of so many agents that not all fit.
+#[test]
+fn tables_keep_to_their_share_of_memory() {
+    let map = warehouse(100, 200);
+    let planner = lifelong(&map);
+    let free = grid::free(&map);
+    let pick = |salt: u64| -> Vec<u32> {
+        let mut cells = free.clone();
+        cells.sort_by_key(|&cell| grid::mix(salt ^ u64::from(cell)));
+        cells.truncate(300);
+        cells
+    };
+    let (starts, ends) = (pick(1), pick(2));
+    let goals = grid::goals(&ends.iter().map(|&end| vec![end]).collect::<Vec<_>>());
+    for bytes in [1 << 20, 1 << 22, 1 << 24] {
+        let mut streets = Streets::new(planner.graph(), 4, 1.0, bytes);
+        for _ in 0..3 {
+            drop(streets.ranking(journeys(&starts, &goals), &mut || false));
+            let taken = streets.bytes();
+            println!("of {bytes} bytes {taken} are taken");
+            assert!(taken <= bytes);
+        }
+    }
 }
 
 /// Two rooms with a door of one cell, and agents on both sides that want to get to the other.
@@ -434,7 +466,7 @@ fn a_door_is_open_in_one_direction_at_a_time() {
         vec![27],
     ]);
     let planner = lifelong(&map);
-    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24);
+    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24).with_signals();
     let snapshot = |number| Snapshot {
         number,
         waiting: vec![0; 45],
@@ -454,7 +486,7 @@ fn a_door_is_open_in_one_direction_at_a_time() {
             traffic: Some(&traffic),
             ..journeys(&starts, &goals)
         };
-        let mut by_street = streets.ranking(journeys, &mut || false).unwrap();
+        let mut by_street = streets.ranking(journeys, &mut || false);
         let query = query(&starts, &goals, Some(6));
         let run = lifelong(&map).run(&query, &mut by_street, &mut || false);
         let (plan, _) = run.unwrap();
@@ -499,7 +531,7 @@ fn averages_count_by_what_is_in_them() {
             traffic: Some(&traffic),
             ..journeys(&starts, &goals)
         };
-        let mut by_street = streets.ranking(journeys, &mut || false).unwrap();
+        let mut by_street = streets.ranking(journeys, &mut || false);
         let query = query(&starts, &goals, Some(20));
         lifelong(&map)
             .run(&query, &mut by_street, &mut || false)
@@ -570,7 +602,9 @@ fn a_turn_costs_what_it_costs_the_robot() {
         turning: Turning::of(&stuck),
         ..journeys(&[0], &goals)
     };
-    assert!(streets.ranking(journeys, &mut || false).is_some());
+    let mut by_street = streets.ranking(journeys, &mut || false);
+    let run = lifelong(&open(3)).run(&query(&[0], &goals, Some(9)), &mut by_street, &mut || false);
+    assert_eq!(grid::visited(&[8], run.unwrap().0.path(0)), 1);
 }
 
 /// A map that hangs together, starts, and goals.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetyard_plugin_mapf::streets::Streets;
-use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Room, Ways, quarters};
+use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Ways, quarters};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 use fleetyard_plugin_spacetime::random::Random;
@@ -42,34 +42,55 @@ fn by_relaxing(
 
 #[test]
 fn ways_are_those_of_relaxing_cells_and_headings() {
-    let mut room = Room::default();
-    for seed in 0..60 {
+    for seed in 0..120 {
         let mut random = Random::new(seed, 0);
-        let (rows, cols) = (1 + random.below(7), 1 + random.below(7));
+        let side = if seed < 60 { 7 } else { 40 };
+        let (rows, cols) = (1 + random.below(side), 1 + random.below(side));
         let passable: Vec<bool> = (0..rows * cols).map(|_| !random.one_in(4)).collect();
         let graph = Graph::new(rows, cols, &passable);
         if graph.is_empty() {
             continue;
         }
         let turn = random.below(30) as u32;
+        // Costs between which the bound of the search tells, and such between which it does not.
+        let spread = if random.one_in(2) { 50 } else { 15 };
         let table: Vec<[u32; DIRECTIONS]> = (0..graph.len())
-            .map(|_| [(); DIRECTIONS].map(|()| random.below(50) as u32))
+            .map(|_| [(); DIRECTIONS].map(|()| random.below(spread) as u32))
             .collect();
         // A fifth of the moves are barred.
         let toll = |v: Vertex, d: usize| match table[v as usize][d] {
             0..10 => None,
             toll => Some(toll),
         };
-        let goal = random.below(graph.len()) as Vertex;
+        let mut any = || random.below(graph.len()) as Vertex;
+        let (goal, towards) = (any(), any());
         let moves = Moves::new(&graph, |v, d| toll(v, d).is_some());
         let tolls = moves.tolls(turn, |v, d| toll(v, d).unwrap_or(0));
-        let ways = Ways::new(&graph, &moves, goal, &tolls, &mut room);
+        let ways = Ways::new(&graph, &moves, goal, towards, &tolls);
         let known = by_relaxing(&graph, goal, toll, turn);
-        for v in 0..graph.len() as Vertex {
+        // The answers are the same whatever was asked before.
+        let mut order: Vec<Vertex> = (0..graph.len() as Vertex).collect();
+        random.shuffle(&mut order);
+        for (number, v) in [towards].into_iter().chain(order).enumerate() {
+            let known = known[v as usize];
             let rest = |heading| ways.from(&moves, v, heading, &tolls).min(FAR);
-            let by_heading: Vec<u32> = (0..DIRECTIONS as u8).map(|h| rest(Some(h))).collect();
-            assert_eq!(by_heading, known[v as usize], "seed {seed}");
-            assert_eq!(Some(&rest(None)), by_heading.iter().min());
+            if number % 3 > 0 {
+                assert_eq!(Some(&rest(None)), known.iter().min(), "seed {seed}");
+            }
+            if number % 3 > 1 {
+                continue;
+            }
+            let by_heading = [0, 1, 2, 3].map(|heading| rest(Some(heading)));
+            assert_eq!(by_heading, known, "seed {seed}");
+            for (heading, &rest) in (0..).zip(&known) {
+                let best = ways.best(&moves, v, Some(heading), &tolls);
+                assert_eq!(best.is_some(), v != goal && rest < FAR);
+                let along = |d: usize| {
+                    let number = moves.away(v, d).unwrap();
+                    ways.along(&moves, number, d, Some(heading), &tolls)
+                };
+                assert!(best.is_none_or(|d| along(d) == rest), "seed {seed}");
+            }
         }
     }
 }
