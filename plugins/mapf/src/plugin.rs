@@ -359,8 +359,7 @@ impl Roads {
     fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u32) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid)?);
         let bytes = half_of_memory(budget);
-        let streets =
-            || Streets::new(&graph, lane_charge, grid.step_s, bytes / 2).with_signals();
+        let streets = || Streets::new(&graph, lane_charge, grid.step_s, bytes / 2).with_signals();
         Ok(Self {
             streets: (lane_charge > 0).then(streets),
             lifelong: Lifelong::new(graph, TABLE_BYTES.min(bytes)),

@@ -200,9 +200,8 @@ impl Streets {
     }
 
     /// Bytes that tables take now.
-    pub fn bytes(&mut self) -> u64 {
-        self.tables.weigh(self.tables.limit(), Ways::bytes);
-        self.tables.bytes()
+    pub fn bytes(&self) -> u64 {
+        self.tables.iter().map(Ways::bytes).sum()
     }
 
     /// Makes ready for a fleet. Agents whose tables do not fit, which are those furthest from their

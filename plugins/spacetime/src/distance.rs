@@ -321,6 +321,11 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         self.bytes
     }
 
+    /// The tables that are kept.
+    pub fn iter(&self) -> impl Iterator<Item = &T> {
+        self.kept.values().map(|kept| &*kept.table)
+    }
+
     /// Counts anew how many bytes tables take that grow while they are in use. Those that the last
     /// call has not asked for go until all take no more than `idle`; and all go where they take
     /// more than three quarters of the limit, so that those of the next call grow from nothing.

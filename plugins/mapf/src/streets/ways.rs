@@ -235,13 +235,7 @@ pub fn quarters(from: u8, to: usize) -> u32 {
 impl Ways {
     /// The ways to a goal, where any heading will do, for agents that are about so far from it.
     /// Nothing is searched yet.
-    pub fn new(
-        graph: &Graph,
-        moves: &Moves,
-        goal: Vertex,
-        towards: Vertex,
-        tolls: &Tolls,
-    ) -> Self {
+    pub fn new(graph: &Graph, moves: &Moves, goal: Vertex, towards: Vertex, tolls: &Tolls) -> Self {
         // No step of the search adds more than this: a move, turns before it, and the same again in
         // the bound.
         let most = tolls.most + tolls.least + 4 * tolls.turn;
@@ -249,7 +243,9 @@ impl Ways {
         let ways = Self {
             goal,
             towards: graph.place(towards).map(|at| at as i32),
-            pages: (0..moves.len().div_ceil(PAGE)).map(|_| OnceLock::new()).collect(),
+            pages: (0..moves.len().div_ceil(PAGE))
+                .map(|_| OnceLock::new())
+                .collect(),
             level: AtomicU32::new(0),
             search: Mutex::new(Search {
                 heads: vec![NONE; heads].into(),
@@ -261,8 +257,13 @@ impl Ways {
         };
         let mut search = ways.search();
         let last = moves.leading_to(graph, goal).map(|(_, last)| last);
-        let last: Vec<(Move, u32)> = last.map(|last| (last, ways.bound(moves, last, tolls))).collect();
-        ways.level.store(last.iter().map(|entry| entry.1).min().unwrap_or(0), Ordering::Relaxed);
+        let last: Vec<(Move, u32)> = last
+            .map(|last| (last, ways.bound(moves, last, tolls)))
+            .collect();
+        ways.level.store(
+            last.iter().map(|entry| entry.1).min().unwrap_or(0),
+            Ordering::Relaxed,
+        );
         for (last, bound) in last {
             ways.page(&mut search, last).rest[last as usize % PAGE].store(0, Ordering::Relaxed);
             search.push(last, bound);
@@ -404,7 +405,8 @@ impl Ways {
         if v == self.goal {
             return 0;
         }
-        self.least(moves, v, heading, tolls).map_or(FAR, |(cost, _)| cost)
+        self.least(moves, v, heading, tolls)
+            .map_or(FAR, |(cost, _)| cost)
     }
 
     /// The direction in which that way begins; `None` at the goal, and where it is out of reach.
