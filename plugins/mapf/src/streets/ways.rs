@@ -434,15 +434,15 @@ impl Ways {
         let level = self.level.load(Ordering::Acquire);
         let mut least = None;
         let mut open = [None; DIRECTIONS];
-        for d in 0..DIRECTIONS {
+        for (d, open) in open.iter_mut().enumerate() {
             let Some(number) = moves.away(v, d) else {
                 continue;
             };
             let turns = heading.map_or(0, |heading| quarters(heading, d));
             let first = tolls.turn * turns + tolls.of(number);
             match self.settled(number) {
-                Some(rest) => least = nearer(least, (first + rest, d)),
-                None => open[d] = Some((number, first)),
+                Some(rest) => least = Some(nearer(least, (first + rest, d))),
+                None => *open = Some((number, first)),
             }
         }
         // Settled is only what may be less.
@@ -452,13 +452,13 @@ impl Ways {
             };
             let bound = level.saturating_sub(self.bound(moves, number, tolls));
             if least.is_none_or(|least| (first.saturating_add(bound), d) < least) {
-                least = nearer(least, (first + self.rest(moves, number, tolls), d));
+                least = Some(nearer(least, (first + self.rest(moves, number, tolls), d)));
             }
         }
         least
     }
 }
 
-fn nearer(least: Option<(u32, usize)>, other: (u32, usize)) -> Option<(u32, usize)> {
-    Some(least.map_or(other, |least| least.min(other)))
+fn nearer(least: Option<(u32, usize)>, other: (u32, usize)) -> (u32, usize) {
+    least.map_or(other, |least| least.min(other))
 }
