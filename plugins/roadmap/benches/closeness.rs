@@ -68,7 +68,7 @@ fn closeness(c: &mut Criterion) {
     for (name, roadmap) in &roadmaps {
         group.bench_function(BenchmarkId::from_parameter(name), |b| {
             b.iter(|| {
-                let closeness = Closeness::new(black_box(roadmap));
+                let closeness = Closeness::new(black_box(roadmap).clone());
                 closeness.annotate();
                 closeness
             });

@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tasks = std::env::args().nth(1).ok_or("closeness TASKS")?;
     let case = support::Case::read(tasks.as_ref(), 0)?;
     let begin = Instant::now();
-    let closeness = Closeness::new(&case.roadmap);
+    let closeness = Closeness::new(case.roadmap.clone());
     closeness.annotate();
     let seconds = begin.elapsed().as_secs_f64();
     let edges = 0..case.roadmap.edges() as u32;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use fleetyard_plugin_plane::orders::End;
 use fleetyard_plugin_roadmap::closeness::Closeness;
-use fleetyard_plugin_roadmap::priority::{plan, sum_of_costs};
+use fleetyard_plugin_roadmap::priority::sum_of_costs;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -19,8 +19,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (orders, seed) = (number(0, 1000)?, number(1, 1)?);
     let case = support::Case::read(tasks.as_ref(), agents.parse()?)?;
     let begin = Instant::now();
-    let closeness = Closeness::new(&case.roadmap);
-    let outcome = plan(&closeness, &case.tasks, orders, seed, &mut || false);
+    let closeness = Closeness::new(case.roadmap.clone());
+    let outcome = support::planned(&closeness, &case.tasks, orders, seed);
     let seconds = begin.elapsed().as_secs_f64();
     let (orders, expanded) = (outcome.orders, outcome.expanded);
     match outcome.end {

@@ -18,8 +18,8 @@ const MARGIN: f64 = 1e-9;
 
 /// The edges and vertices of a roadmap that are close to each other.
 #[derive(Debug)]
-pub struct Closeness<'a> {
-    roadmap: &'a Roadmap,
+pub struct Closeness {
+    roadmap: Roadmap,
     distance: f64,
     /// Edges that are not the twin of an earlier one, in boxes.
     tracks: Bins,
@@ -72,9 +72,9 @@ struct Beside {
     vertices: Vec<Vertex>,
 }
 
-impl<'a> Closeness<'a> {
+impl Closeness {
     /// Of a roadmap; nothing but boxes is worked out before it is asked for.
-    pub fn new(roadmap: &'a Roadmap) -> Self {
+    pub fn new(roadmap: Roadmap) -> Self {
         let distance = roadmap.separation() * (1.0 + MARGIN);
         let edges = 0..roadmap.edges() as Edge;
         let edge_of_track: Vec<Edge> = edges.filter(|edge| *edge < roadmap.twin(*edge)).collect();
@@ -109,8 +109,8 @@ impl<'a> Closeness<'a> {
     }
 
     /// The roadmap.
-    pub fn roadmap(&self) -> &'a Roadmap {
-        self.roadmap
+    pub fn roadmap(&self) -> &Roadmap {
+        &self.roadmap
     }
 
     /// Works out all pairs of edges, each once.

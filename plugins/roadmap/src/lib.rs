@@ -4,18 +4,22 @@
 //! than the separation, two radii: on crossing edges, in curves, and beside vertices at which somebody stands.
 //!
 //! - [`roadmap::Roadmap`]: vertices, directed edges, separation;
+//! - [`drive::Limits`]: how long turns and drives take robots that turn in place and drive straight;
 //! - [`closeness::Closeness`]: which edges and vertices are too close to each other, and when;
 //! - [`plan`]: paths as visits;
 //! - [`reservation::Reservations`]: the times that paths of others leave;
+//! - [`rest::Rest`]: goals, and lower bounds of the time to them;
 //! - [`sipp::Search`]: the earliest path of one disc among the paths of others;
 //! - [`priority`]: prioritised planning with restarts;
 //! - [`plugin`]: the planner behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod closeness;
+pub mod drive;
 pub mod plan;
 pub mod plugin;
 pub mod priority;
 pub mod reservation;
+pub mod rest;
 pub mod roadmap;
 pub mod sipp;

@@ -1,6 +1,6 @@
 //! Paths in continuous time.
 
-use crate::roadmap::{Roadmap, Vertex};
+use crate::roadmap::{Edge, Roadmap, Vertex};
 
 /// A stay at a vertex. Between two visits a disc drives the edge at its speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,6 +11,8 @@ pub struct Visit {
     pub arrival: f64,
     /// Seconds at which it leaves; infinite at the last vertex.
     pub departure: f64,
+    /// The edge by which it leaves; [`NONE`](crate::roadmap::NONE) at the last vertex.
+    pub onward: Edge,
 }
 
 /// The visits of one disc, from its start at time 0 to its goal, where it stays.

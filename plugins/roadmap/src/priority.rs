@@ -8,8 +8,20 @@ use fleetyard_plugin_plane::orders::{Attempt, End, longest_first, try_orders};
 use crate::closeness::Closeness;
 use crate::plan::{Path, cost};
 use crate::reservation::Reservations;
+use crate::rest::{Known, Rest};
 use crate::roadmap::Vertex;
-use crate::sipp::{Found, Search};
+use crate::sipp::{Found, Search, Task};
+
+/// Start and goals of a disc.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Disc {
+    /// The start.
+    pub start: Vertex,
+    /// The direction in which it looks there, in radians; none where that does not matter.
+    pub direction: Option<f64>,
+    /// The goals, met in order.
+    pub goals: Vec<Vertex>,
+}
 
 /// Result of prioritised planning, and its work.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,29 +34,44 @@ pub struct Outcome {
     pub expanded: u64,
 }
 
-/// Plans for discs with these starts and goals. At most `limit` orders are tried.
+/// Plans for discs up to the time `until`, after which they may be in each other's way; infinite for whole paths. At most `limit`
+/// orders are tried.
 pub fn plan(
-    closeness: &Closeness<'_>,
-    tasks: &[(Vertex, Vertex)],
+    closeness: &Closeness,
+    known: &mut Known,
+    (discs, until): (&[Disc], f64),
     limit: u64,
     seed: u64,
     stop: &mut dyn FnMut() -> bool,
 ) -> Outcome {
     let roadmap = closeness.roadmap();
-    let rests: Vec<Vec<f64>> = tasks.iter().map(|task| roadmap.times_to(task.1)).collect();
-    let ways: Vec<f64> = rests
+    let rests: Vec<Rest> = discs
         .iter()
-        .zip(tasks)
-        .map(|(rest, task)| rest[task.0 as usize])
+        .map(|disc| Rest::to(roadmap, &disc.goals, until == f64::INFINITY, known))
         .collect();
+    let tasks: Vec<Task<'_>> = discs
+        .iter()
+        .zip(&rests)
+        .map(|(disc, rest)| Task {
+            start: disc.start,
+            direction: disc.direction,
+            rest,
+            until,
+        })
+        .collect();
+    let way = |task: &Task<'_>| {
+        let met = task.rest.met(0, task.start);
+        task.rest.from(roadmap, met, task.start, |_| 0.0)
+    };
+    let ways: Vec<f64> = tasks.iter().map(way).collect();
     let (mut taken, mut search) = (Reservations::new(closeness), Search::new(roadmap));
     let (end, orders) = try_orders(longest_first(&ways), limit, seed, |order| {
         taken.clear();
         let mut paths = vec![Path::new(); tasks.len()];
         for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
-            match search.find(roadmap, &taken, tasks[agent], &rests[agent], stop) {
+            match search.find(roadmap, &taken, &tasks[agent], stop) {
                 Found::Path(path) => {
-                    taken.reserve(closeness, &path);
+                    taken.reserve(closeness, &path, until);
                     paths[agent] = path;
                 }
                 Found::None => return Attempt::Blocked(place),

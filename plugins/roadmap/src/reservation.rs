@@ -5,7 +5,7 @@ use fleetyard_plugin_plane::spans::Spans;
 
 use crate::closeness::Closeness;
 use crate::plan::Visit;
-use crate::roadmap::{Edge, Vertex};
+use crate::roadmap::{Edge, NONE, Vertex};
 
 /// Times at which a disc must not be at a vertex, or must not set out on an edge.
 #[derive(Debug, Clone)]
@@ -18,7 +18,7 @@ pub struct Reservations {
 
 impl Reservations {
     /// Nobody's.
-    pub fn new(closeness: &Closeness<'_>) -> Self {
+    pub fn new(closeness: &Closeness) -> Self {
         Self {
             vertices: vec![Spans::new(); closeness.roadmap().vertices()],
             edges: vec![Spans::new(); closeness.roadmap().edges()],
@@ -37,20 +37,18 @@ impl Reservations {
         &self.edges[edge as usize]
     }
 
-    /// Takes what a path needs.
-    pub fn reserve(&mut self, closeness: &Closeness<'_>, path: &[Visit]) {
-        for (at, visit) in path.iter().enumerate() {
-            self.reserve_stay(closeness, visit);
-            if let Some(next) = path.get(at + 1)
-                && let Some(edge) = closeness.roadmap().edge(visit.vertex, next.vertex)
-            {
-                self.reserve_edge(closeness, edge, visit.departure);
+    /// Takes what a path needs until a time, after which it may be in anybody's way.
+    pub fn reserve(&mut self, closeness: &Closeness, path: &[Visit], until: f64) {
+        for visit in path.iter().take_while(|visit| visit.arrival < until) {
+            self.reserve_stay(closeness, visit, until);
+            if visit.onward != NONE && visit.departure < until {
+                self.reserve_edge(closeness, visit.onward, visit.departure);
             }
         }
     }
 
-    fn reserve_stay(&mut self, closeness: &Closeness<'_>, visit: &Visit) {
-        let (from, to) = (visit.arrival, visit.departure);
+    fn reserve_stay(&mut self, closeness: &Closeness, visit: &Visit, until: f64) {
+        let (from, to) = (visit.arrival, visit.departure.min(until));
         for vertex in closeness.vertices_of_vertex(visit.vertex) {
             let stay = Span {
                 low: from,
@@ -65,7 +63,7 @@ impl Reservations {
         }
     }
 
-    fn reserve_edge(&mut self, closeness: &Closeness<'_>, edge: Edge, departure: f64) {
+    fn reserve_edge(&mut self, closeness: &Closeness, edge: Edge, departure: f64) {
         for (vertex, near) in closeness.vertices_of_edge(edge) {
             self.take_vertex(vertex, near.after(departure));
         }

@@ -9,7 +9,8 @@ use std::collections::BinaryHeap;
 
 use crate::plan::{Path, Visit};
 use crate::reservation::Reservations;
-use crate::roadmap::{Roadmap, Vertex};
+use crate::rest::Rest;
+use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 
 /// Expansions between two calls of `stop`.
 const PATIENCE: u64 = 256;
@@ -25,17 +26,41 @@ pub enum Found {
     Stopped,
 }
 
-/// A state that was reached.
+/// The question for one disc.
+#[derive(Debug, Clone, Copy)]
+pub struct Task<'a> {
+    /// Its start.
+    pub start: Vertex,
+    /// The direction in which it looks there, in radians; none where that does not matter.
+    pub direction: Option<f64>,
+    /// Its goals.
+    pub rest: &'a Rest,
+    /// Seconds after which nothing is in its way and its goals need not be met; infinite for a whole path.
+    pub until: f64,
+}
+
+/// A state that was reached: at rest.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     vertex: Vertex,
-    /// The number of the vertex's safe interval.
-    interval: u32,
+    key: Key,
     arrival: f64,
     /// The state before, or its own number at the start.
     parent: u32,
-    /// Time at which the disc left the vertex before.
+    /// Time at which the disc left the vertex before, and its drive from there: the first line and the number of lines.
     set_out: f64,
+    drive: (Edge, u32),
+}
+
+/// The difference between states at one vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Key {
+    /// The number of the vertex's safe interval.
+    interval: u32,
+    /// Goals that are met.
+    met: u32,
+    /// The line by which it came, which says where it looks; [`NONE`] where that does not matter, and at the start.
+    line: Edge,
 }
 
 /// An entry of the open list; the greatest has the least estimate, and of equal ones the latest arrival.
@@ -67,9 +92,11 @@ impl Ord for Entry {
 #[derive(Debug)]
 pub struct Search {
     nodes: Vec<Node>,
-    /// Per vertex the best state of each safe interval that was reached, by interval.
-    best: Vec<Vec<(u32, u32)>>,
+    /// Per vertex the best states that were reached.
+    best: Vec<Vec<(Key, u32)>>,
     touched: Vec<Vertex>,
+    /// Edges of a drive, and the seconds after which each is entered.
+    drive: Vec<(Edge, f64)>,
     /// States that were expanded, in all searches.
     pub expanded: u64,
 }
@@ -81,18 +108,18 @@ impl Search {
             nodes: Vec::new(),
             best: vec![Vec::new(); roadmap.vertices()],
             touched: Vec::new(),
+            drive: Vec::new(),
             expanded: 0,
         }
     }
 
-    /// The earliest path from `start` at time 0 to `goal`, where the disc stays for good. `rest` is a lower bound of the
-    /// seconds from each vertex to the goal.
+    /// The earliest path from the start at time 0 through all goals, where the disc stays for good. In a window the path may end
+    /// with the first visit behind it, when it is as early as may be.
     pub fn find(
         &mut self,
         roadmap: &Roadmap,
         taken: &Reservations,
-        (start, goal): (Vertex, Vertex),
-        rest: &[f64],
+        task: &Task<'_>,
         stop: &mut dyn FnMut() -> bool,
     ) -> Found {
         self.nodes.clear();
@@ -100,18 +127,26 @@ impl Search {
             self.best[vertex as usize].clear();
         }
         let mut open = BinaryHeap::new();
+        let (start, rest) = (task.start, task.rest);
         let interval = taken.vertex(start).ended(0.0);
-        if taken.vertex(start).safe(interval).low > 0.0 || rest[start as usize].is_infinite() {
+        if taken.vertex(start).safe(interval).low > 0.0 {
             return Found::None;
         }
+        let met = rest.met(0, start);
         let first = Node {
             vertex: start,
-            interval: interval as u32,
+            key: Key {
+                interval: interval as u32,
+                met: met as u32,
+                line: NONE,
+            },
             arrival: 0.0,
             parent: 0,
             set_out: 0.0,
+            drive: (NONE, 0),
         };
-        self.reach(first, rest, &mut open);
+        let turn = |line| task.direction.map_or(0.0, |from| roadmap.turn(from, line));
+        self.reach(first, rest.from(roadmap, met, start, turn), &mut open);
         while let Some(Entry { arrival, node, .. }) = open.pop() {
             let from = self.nodes[node as usize];
             if arrival > from.arrival {
@@ -121,51 +156,111 @@ impl Search {
             if self.expanded.is_multiple_of(PATIENCE) && stop() {
                 return Found::Stopped;
             }
-            let safe = taken.vertex(from.vertex).safe(from.interval as usize);
-            if from.vertex == goal && safe.high == f64::INFINITY {
-                return Found::Path(self.path(node));
+            let safe = taken.vertex(from.vertex).safe(from.key.interval as usize);
+            let is_over = rest.is_over(from.key.met as usize, from.vertex);
+            if from.arrival >= task.until || is_over && safe.high >= task.until {
+                return Found::Path(self.path(roadmap, node));
             }
-            for edge in roadmap.leaving(from.vertex) {
-                let (target, duration) = (roadmap.target(edge), roadmap.duration(edge));
-                if rest[target as usize].is_infinite() {
-                    continue;
-                }
-                let (there, forbidden) = (taken.vertex(target), taken.edge(edge));
-                let mut interval = there.ended(from.arrival + duration);
-                loop {
-                    let at = there.safe(interval);
-                    if at.low - duration > safe.high || interval > there.as_slice().len() {
-                        break;
+            for line in roadmap.lines(from.vertex) {
+                let turn = if node == 0 {
+                    turn(line)
+                } else {
+                    match from.key.line {
+                        NONE => 0.0,
+                        last => roadmap.turn_between(last, line),
                     }
-                    // The arrival is what counts: a departure that is rounded must not lie in the interval before.
-                    let earliest = forbidden.first_outside(from.arrival.max(at.low - duration));
-                    if earliest == f64::INFINITY {
-                        break;
-                    }
-                    let arrival = (earliest + duration).max(at.low);
-                    if earliest <= safe.high && arrival <= at.high {
-                        let reached = Node {
-                            vertex: target,
-                            interval: interval as u32,
-                            arrival,
-                            parent: node,
-                            set_out: earliest,
-                        };
-                        self.reach(reached, rest, &mut open);
-                    }
-                    interval += 1;
-                }
+                };
+                self.drive_on(
+                    roadmap,
+                    taken,
+                    task,
+                    (node, line, from.arrival + turn),
+                    &mut open,
+                );
             }
         }
         Found::None
     }
 
-    /// Keeps a state if it is reached for the first time, or earlier than before.
-    fn reach(&mut self, reached: Node, rest: &[f64], open: &mut BinaryHeap<Entry>) {
+    /// Reaches what a state leads to by drives from rest to rest that begin with a line, not before a time.
+    fn drive_on(
+        &mut self,
+        roadmap: &Roadmap,
+        taken: &Reservations,
+        task: &Task<'_>,
+        (node, line, ready): (u32, Edge, f64),
+        open: &mut BinaryHeap<Entry>,
+    ) {
+        let from = self.nodes[node as usize];
+        let safe = taken.vertex(from.vertex).safe(from.key.interval as usize);
+        let (mut last, mut met) = (line, from.key.met as usize);
+        // The part in motion, which longer drives begin with, its duration, and when it may begin.
+        let mut drive = std::mem::take(&mut self.drive);
+        drive.clear();
+        let (mut moving, mut begin) = (0.0, ready);
+        for lines in 1.. {
+            let edge = roadmap.edge_of_drive(last, lines, lines);
+            let duration = moving + roadmap.duration(edge);
+            drive.push((edge, moving));
+            let target = roadmap.target(last);
+            met = task.rest.met(met, target);
+            let arrived_by = if roadmap.is_driven() { last } else { NONE };
+            let estimate = task.rest.after(roadmap, met, target, arrived_by);
+            let there = taken.vertex(target);
+            let mut interval = there.ended(begin + duration);
+            while estimate.is_finite() && interval <= there.as_slice().len() {
+                let at = there.safe(interval);
+                if at.low - duration > safe.high {
+                    break;
+                }
+                // The arrival is what counts: a departure that is rounded must not lie in the interval before.
+                let earliest = free_from(taken, &drive, begin.max(at.low - duration));
+                if earliest > safe.high || earliest == f64::INFINITY {
+                    break;
+                }
+                let arrival = (earliest + duration).max(at.low);
+                if arrival <= at.high {
+                    let reached = Node {
+                        vertex: target,
+                        key: Key {
+                            interval: interval as u32,
+                            met: met as u32,
+                            line: arrived_by,
+                        },
+                        arrival,
+                        parent: node,
+                        set_out: earliest,
+                        drive: (line, lines),
+                    };
+                    self.reach(reached, estimate, open);
+                }
+                interval += 1;
+            }
+            drive.pop();
+            let Some(next) = roadmap.line_ahead(last) else {
+                break;
+            };
+            let edge = roadmap.edge_of_drive(last, lines, lines + 1);
+            drive.push((edge, moving));
+            moving += roadmap.duration(edge);
+            begin = free_from(taken, &drive, begin);
+            // Behind the window a drive is as good as its beginning.
+            if begin > safe.high || begin + moving >= task.until {
+                break;
+            }
+            last = next;
+        }
+        self.drive = drive;
+    }
+
+    /// Keeps a state if it is reached for the first time, or earlier than before; `rest` is a lower bound of the seconds from
+    /// there.
+    fn reach(&mut self, reached: Node, rest: f64, open: &mut BinaryHeap<Entry>) {
+        if rest.is_infinite() {
+            return;
+        }
         let best = &mut self.best[reached.vertex as usize];
-        let known = best
-            .iter()
-            .find(|(interval, _)| *interval == reached.interval);
+        let known = best.iter().find(|(key, _)| *key == reached.key);
         let node = if let Some((_, node)) = known {
             if self.nodes[*node as usize].arrival <= reached.arrival {
                 return;
@@ -176,39 +271,71 @@ impl Search {
             if best.is_empty() {
                 self.touched.push(reached.vertex);
             }
-            best.push((reached.interval, self.nodes.len() as u32));
+            best.push((reached.key, self.nodes.len() as u32));
             self.nodes.push(reached);
             self.nodes.len() as u32 - 1
         };
         open.push(Entry {
-            estimate: reached.arrival + rest[reached.vertex as usize],
+            estimate: reached.arrival + rest,
             arrival: reached.arrival,
             node,
         });
     }
 
-    fn path(&self, last: u32) -> Path {
+    fn path(&self, roadmap: &Roadmap, last: u32) -> Path {
         let mut path = Path::new();
-        let (mut node, mut departure) = (last, f64::INFINITY);
-        loop {
+        let end = self.nodes[last as usize];
+        path.push(Visit {
+            vertex: end.vertex,
+            arrival: end.arrival,
+            departure: f64::INFINITY,
+            onward: NONE,
+        });
+        let mut node = last;
+        while self.nodes[node as usize].parent != node {
             let Node {
-                vertex,
-                arrival,
                 parent,
                 set_out,
+                drive: (line, lines),
                 ..
             } = self.nodes[node as usize];
-            path.push(Visit {
-                vertex,
-                arrival,
-                departure,
-            });
-            if parent == node {
-                break;
+            let begin = path.len();
+            let mut departure = set_out;
+            for edge in roadmap.drive(line, lines) {
+                // In motion, vertices are left when they are reached.
+                path.push(Visit {
+                    vertex: roadmap.source(edge),
+                    arrival: departure,
+                    departure,
+                    onward: edge,
+                });
+                departure += roadmap.duration(edge);
             }
-            (node, departure) = (parent, set_out);
+            path[begin].arrival = self.nodes[parent as usize].arrival;
+            path[begin..].reverse();
+            node = parent;
         }
         path.reverse();
         path
+    }
+}
+
+/// The first time from `time` on at which nobody is in the way of a drive; infinite if there is none.
+fn free_from(taken: &Reservations, drive: &[(Edge, f64)], mut time: f64) -> f64 {
+    loop {
+        let before = time;
+        for (edge, after) in drive {
+            let enters = time + after;
+            let free = taken.edge(*edge).first_outside(enters);
+            if free > enters {
+                time += free - enters;
+                while time + after < free {
+                    time = time.next_up();
+                }
+            }
+        }
+        if time <= before || time.is_infinite() {
+            return time;
+        }
     }
 }

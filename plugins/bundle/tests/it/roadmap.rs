@@ -6,19 +6,23 @@
 mod support;
 
 use std::collections::BTreeSet;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::path::Path as File;
 
+use fleetyard_abi::{Footprint, Robot};
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::motion::Span;
 use fleetyard_plugin_plane::orders::End;
 use fleetyard_plugin_roadmap::closeness::Closeness;
+use fleetyard_plugin_roadmap::drive::Limits;
 use fleetyard_plugin_roadmap::plan::{Path, Visit, cost, length};
-use fleetyard_plugin_roadmap::priority::{plan, sum_of_costs};
+use fleetyard_plugin_roadmap::priority::{Disc, plan, sum_of_costs};
 use fleetyard_plugin_roadmap::reservation::Reservations;
+use fleetyard_plugin_roadmap::rest::{Known, Rest};
 use fleetyard_plugin_roadmap::roadmap::{NONE, Refused, Roadmap, Vertex};
-use fleetyard_plugin_roadmap::sipp::{Found, Search};
+use fleetyard_plugin_roadmap::sipp::{Found, Search, Task};
 use proptest::prelude::*;
-use support::{Case, apart, least_distance};
+use support::{Case, apart, least_distance, planned};
 
 const SEPARATION: f64 = 0.6;
 
@@ -98,9 +102,9 @@ proptest! {
         roadmap in roadmap(), wanted in proptest::collection::vec((0..16_usize, 0..16_usize), 1..6), seed in 0..4_u64,
     ) {
         let tasks = tasks(&roadmap, &wanted);
-        let closeness = Closeness::new(&roadmap);
-        let outcome = plan(&closeness, &tasks, 20, seed, &mut || false);
-        prop_assert_eq!(&outcome, &plan(&Closeness::new(&roadmap), &tasks, 20, seed, &mut || false));
+        let closeness = Closeness::new(roadmap.clone());
+        let outcome = planned(&closeness, &tasks, 20, seed);
+        prop_assert_eq!(&outcome, &planned(&Closeness::new(roadmap.clone()), &tasks, 20, seed));
         if let End::Solved(paths) = outcome.end {
             for (path, task) in paths.iter().zip(&tasks) {
                 judge_path(&roadmap, path, *task)?;
@@ -135,7 +139,7 @@ proptest! {
 
     #[test]
     fn what_is_close_is_the_same_asked_for_or_worked_out_at_once_or_by_hand(roadmap in roadmap()) {
-        let (lazy, whole) = (Closeness::new(&roadmap), Closeness::new(&roadmap));
+        let (lazy, whole) = (Closeness::new(roadmap.clone()), Closeness::new(roadmap.clone()));
         whole.annotate();
         let edges = 0..roadmap.edges() as u32;
         // Pairs that touch may have a span of a rounding error's length on one way and none on the other.
@@ -194,6 +198,7 @@ fn walk(roadmap: &Roadmap, start: Vertex, choices: &[(u32, u8)]) -> Path {
             vertex,
             arrival: time,
             departure,
+            onward: edge,
         });
         (vertex, time) = (roadmap.target(edge), departure + roadmap.duration(edge));
     }
@@ -201,6 +206,7 @@ fn walk(roadmap: &Roadmap, start: Vertex, choices: &[(u32, u8)]) -> Path {
         vertex,
         arrival: time,
         departure: f64::INFINITY,
+        onward: NONE,
     });
     path
 }
@@ -223,6 +229,7 @@ fn exhaustive(roadmap: &Roadmap, others: &[Path], (start, goal): (Vertex, Vertex
                 vertex,
                 arrival: 0.0,
                 departure: f64::INFINITY,
+                onward: NONE,
             }];
             if vertex == goal && clear(&stay, time, 100.0) {
                 return Some(time);
@@ -235,11 +242,13 @@ fn exhaustive(roadmap: &Roadmap, others: &[Path], (start, goal): (Vertex, Vertex
                         vertex,
                         arrival: 0.0,
                         departure: time,
+                        onward: NONE,
                     },
                     Visit {
                         vertex: to,
                         arrival,
                         departure: f64::INFINITY,
+                        onward: NONE,
                     },
                 ];
                 // Who arrives between two steps waits for the next.
@@ -270,13 +279,18 @@ proptest! {
     ) {
         let roadmap = lattice(&diagonals);
         let others: Vec<Path> = walks.iter().map(|(start, choices)| walk(&roadmap, *start, choices)).collect();
-        let closeness = Closeness::new(&roadmap);
+        let closeness = Closeness::new(roadmap.clone());
         let mut taken = Reservations::new(&closeness);
         for other in &others {
-            taken.reserve(&closeness, other);
+            taken.reserve(&closeness, other, f64::INFINITY);
         }
-        let rest = roadmap.times_to(task.1);
-        let found = Search::new(&roadmap).find(&roadmap, &taken, task, &rest, &mut || false);
+        let asked = Task {
+            start: task.0,
+            direction: None,
+            rest: &Rest::to(&roadmap, &[task.1], true, &mut Known::default()),
+            until: f64::INFINITY,
+        };
+        let found = Search::new(&roadmap).find(&roadmap, &taken, &asked, &mut || false);
         let tried = exhaustive(&roadmap, &others, task);
         match found {
             Found::Path(path) => {
@@ -292,6 +306,124 @@ proptest! {
             other => prop_assert_eq!((other, tried), (Found::None, None)),
         }
     }
+}
+
+/// LSMART's robots: 2 m/s, 2 m/s², 45°/s, which they reach in a quarter of a second.
+const AGV: Limits = Limits {
+    speed: 2.0,
+    acceleration: 2.0,
+    deceleration: 2.0,
+    turn_rate: FRAC_PI_4,
+    turn_acceleration: PI,
+};
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn in_a_window_goals_are_met_in_order_and_nobody_is_near_another(
+        diagonals in proptest::collection::vec(any::<bool>(), 9),
+        starts in proptest::collection::hash_set(0..16_u32, 2..6),
+        goals in proptest::collection::vec(proptest::collection::vec(0..16_u32, 0..4), 6),
+        driven in any::<bool>(),
+    ) {
+        const UNTIL: f64 = 5.0;
+        let roadmap = lattice(&diagonals);
+        let roadmap = if driven { roadmap.driven(AGV) } else { roadmap };
+        let mut starts: Vec<Vertex> = starts.into_iter().collect();
+        starts.sort_unstable();
+        let discs: Vec<Disc> = starts.iter().zip(&goals).map(|(start, goals)| Disc {
+            start: *start,
+            direction: driven.then_some(0.0),
+            goals: goals.clone(),
+        }).collect();
+        let closeness = Closeness::new(roadmap.clone());
+        let outcome = plan(&closeness, &mut Known::default(), (&discs, UNTIL), 50, 1, &mut || false);
+        if let End::Solved(paths) = outcome.end {
+            for (path, disc) in paths.iter().zip(&discs) {
+                let mut left = disc.goals.iter().peekable();
+                for visit in path {
+                    while left.next_if_eq(&&visit.vertex).is_some() {}
+                }
+                prop_assert!(left.next().is_none() || path[path.len() - 1].arrival >= UNTIL);
+                for hop in path.windows(2) {
+                    prop_assert_eq!(roadmap.source(hop[0].onward), hop[0].vertex);
+                    prop_assert_eq!(roadmap.target(hop[0].onward), hop[1].vertex);
+                    let late = hop[1].arrival - hop[0].departure - roadmap.duration(hop[0].onward);
+                    prop_assert!(late.abs() < 1e-9, "{late}");
+                }
+            }
+            for (one, other) in (0..paths.len()).flat_map(|one| (0..one).map(move |other| (one, other))) {
+                let least = apart(&roadmap, &paths[one], &paths[other], 0.0, UNTIL - 1e-6);
+                prop_assert!(least > SEPARATION - 1e-7, "{least} m apart");
+            }
+        }
+    }
+}
+
+/// A robot turns in place, speeds up over the first metre, goes on evenly, and brakes over the last.
+#[test]
+fn turns_and_drives_take_their_time() {
+    let places = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (3.0, 1.0)];
+    let places = places.map(|(x, y)| Vector::new(x, y)).to_vec();
+    let edges = (0..4_u32).flat_map(|a| [(a, a + 1, 0.5), (a + 1, a, 0.5)]);
+    let roadmap = Roadmap::new(places, edges, SEPARATION).unwrap().driven(AGV);
+    let turn = 2.25;
+    assert!((AGV.turn(0.0, FRAC_PI_2) - turn).abs() < 1e-12);
+    assert!((AGV.turn(PI, -FRAC_PI_2) - turn).abs() < 1e-12);
+    let disc = |start, direction, goals: &[Vertex]| Disc {
+        start,
+        direction: Some(direction),
+        goals: goals.to_vec(),
+    };
+    let closeness = Closeness::new(roadmap.clone());
+    let times = |disc: Disc| {
+        let team = (&[disc][..], f64::INFINITY);
+        let outcome = plan(&closeness, &mut Known::default(), team, 1, 1, &mut || false);
+        let End::Solved(paths) = outcome.end else {
+            panic!("{outcome:?}")
+        };
+        let arrivals = paths[0].iter().map(|visit| visit.arrival);
+        arrivals
+            .map(|arrival| (arrival * 1e9).round() / 1e9)
+            .collect::<Vec<f64>>()
+    };
+    // Three metres and a corner: 1 + 0.5 + 1 s, the turn, and one metre from rest to rest.
+    let alone = (2.0_f64).sqrt();
+    let end = ((2.5 + turn + alone) * 1e9).round() / 1e9;
+    assert_eq!(times(disc(0, 0.0, &[4])), [0.0, 1.0, 1.5, 2.5, end]);
+    // Who looks another way turns first; a goal on the way needs no stop.
+    assert_eq!(times(disc(0, FRAC_PI_2, &[1, 3])), [0.0, 3.25, 3.75, 4.75]);
+    let limits = |dynamics: &str| {
+        let both = |most: f64| [Some(-most), Some(most)];
+        Limits::of(&Robot {
+            name: String::new(),
+            footprint: Footprint {
+                radius_m: 0.3,
+                corners_m: Vec::new(),
+            },
+            dynamics: dynamics.into(),
+            has_heading: true,
+            polar_state: false,
+            polar_control: false,
+            state_limits: vec![
+                [None, None],
+                [None, None],
+                [None, None],
+                [Some(0.0), Some(2.0)],
+                both(FRAC_PI_4),
+            ],
+            control_limits: vec![both(2.0), both(PI)],
+            parameters: Vec::new(),
+        })
+    };
+    assert_eq!(limits("fleetyard.unicycle-2/1"), Some(AGV));
+    assert_eq!(limits("fleetyard.holonomic/1"), None);
+    let at_once = limits("fleetyard.unicycle/1").unwrap();
+    assert_eq!(
+        (at_once.stop_to_stop(3.0), at_once.turn(0.0, PI)),
+        (1.5, 1.0)
+    );
 }
 
 #[test]
@@ -329,9 +461,9 @@ fn who_finds_no_path_goes_first_in_the_next_order() {
         .into_iter()
         .flat_map(|(a, b)| [(a, b, 1.0), (b, a, 1.0)]);
     let roadmap = Roadmap::new(places, edges, SEPARATION).unwrap();
-    let closeness = Closeness::new(&roadmap);
+    let closeness = Closeness::new(roadmap.clone());
     // The first one parks in the middle, where the second has to pass: that one has to go first.
-    let outcome = plan(&closeness, &[(3, 1), (0, 2)], 10, 1, &mut || false);
+    let outcome = planned(&closeness, &[(3, 1), (0, 2)], 10, 1);
     let End::Solved(paths) = outcome.end else {
         panic!("{outcome:?}")
     };
@@ -339,7 +471,7 @@ fn who_finds_no_path_goes_first_in_the_next_order() {
     assert_eq!(cost(&paths[1]), 2.0);
     assert_eq!(length(&roadmap, &paths[0]), 1.0);
     // Head on both would have to give way to each other in turn, which no order does.
-    let stuck = plan(&closeness, &[(0, 2), (2, 0)], 10, 1, &mut || false);
+    let stuck = planned(&closeness, &[(0, 2), (2, 0)], 10, 1);
     assert_eq!((stuck.end, stuck.orders), (End::GaveUp, 2));
 }
 
@@ -358,13 +490,8 @@ fn sixty_discs_pass_the_doors_of_rooms() {
             return;
         }
         let case = Case::read(&file, 60).unwrap();
-        let outcome = plan(
-            &Closeness::new(&case.roadmap),
-            &case.tasks,
-            100,
-            1,
-            &mut || false,
-        );
+        let closeness = Closeness::new(case.roadmap.clone());
+        let outcome = planned(&closeness, &case.tasks, 100, 1);
         let End::Solved(paths) = outcome.end else {
             panic!("{}: {:?}", file.display(), outcome.end)
         };

@@ -7,7 +7,10 @@ use std::fs;
 use std::path::Path as File;
 
 use fleetyard_plugin_plane::Vector;
+use fleetyard_plugin_roadmap::closeness::Closeness;
 use fleetyard_plugin_roadmap::plan::{Path, cost};
+use fleetyard_plugin_roadmap::priority::{Disc, Outcome, plan};
+use fleetyard_plugin_roadmap::rest::Known;
 use fleetyard_plugin_roadmap::roadmap::{Roadmap, Vertex};
 use serde::Deserialize;
 
@@ -111,4 +114,28 @@ pub(crate) fn least_distance(roadmap: &Roadmap, paths: &[Path]) -> f64 {
         .flat_map(|(number, a)| paths[..number].iter().map(move |b| (a, b)));
     let apart = pairs.map(|(a, b)| apart(roadmap, a, b, 0.0, cost(a).max(cost(b)) + 1.0));
     apart.fold(f64::INFINITY, f64::min)
+}
+
+/// Whole paths from starts to goals, with at most so many orders.
+pub(crate) fn planned(
+    closeness: &Closeness,
+    tasks: &[(Vertex, Vertex)],
+    limit: u64,
+    seed: u64,
+) -> Outcome {
+    let disc = |(start, goal): &(Vertex, Vertex)| Disc {
+        start: *start,
+        direction: None,
+        goals: vec![*goal],
+    };
+    let discs: Vec<Disc> = tasks.iter().map(disc).collect();
+    let team = (discs.as_slice(), f64::INFINITY);
+    plan(
+        closeness,
+        &mut Known::default(),
+        team,
+        limit,
+        seed,
+        &mut || false,
+    )
 }
