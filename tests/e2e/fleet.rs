@@ -558,6 +558,75 @@ fn parts_of_a_map_without_a_way_between_them_are_no_trouble() {
     assert!(counts(&outcome)["invalid-instance"].is_null());
 }
 
+/// Arguments of AGVs in a warehouse whose planner plans in continuous time.
+const IN_TIME: &str = "--agents 12 --duration 40s --limit 1s --planner roadmap-pp --generator windowed-multi-goals \
+                       --invocation periodic --fail-policy pibt";
+
+#[test]
+fn planners_in_continuous_time_drive_the_same_fleet() {
+    for motion in ["stop-go", "slower"] {
+        let yard = Yard::new();
+        let warehouse = map("warehouse-4-6-6-2-1.map");
+        let arguments = format!("--map {warehouse} {IN_TIME} --motion {motion} --nodes 20");
+        let recorded = run(&format!("{arguments} --record run.jsonl"));
+        let outcome = yard.run(&recorded).expect(SUCCESS).json();
+        assert_eq!(outcome["execution"]["contacts"], 0, "{motion}");
+        assert!(metric(&outcome, "goals_reached") > 5, "{motion}: {outcome}");
+        assert!(
+            fail_policy_ratio(&outcome) < 0.5,
+            "{motion}: {}",
+            counts(&outcome)
+        );
+        assert_eq!(counts(&outcome)["invalid-batch"], Value::Null, "{motion}");
+        let again = yard.run(&run(&arguments)).expect(SUCCESS).json();
+        assert_eq!(digest(&outcome), digest(&again), "{motion}");
+        let replay = yard.run(&words("fleet --replay run.jsonl --format json"));
+        let replay = replay.expect(SUCCESS).json();
+        assert_eq!(digest(&outcome), digest(&replay), "{motion}");
+        assert_eq!(metric(&outcome, "rings_cut"), metric(&replay, "rings_cut"));
+    }
+}
+
+#[test]
+fn who_plans_on_the_other_kind_of_map_is_refused_with_a_hint() {
+    let robots =
+        "--agents 4 --generator windowed-multi-goals --invocation periodic --fail-policy pibt";
+    let refused = |more: &str| {
+        let ended = Yard::new().run(&run(&format!("{robots} {more}")));
+        ended.expect(NO_PLAN).stderr
+    };
+    let on_grid = refused("--motion stop-go --planner pibt");
+    assert!(
+        on_grid.contains("planner `pibt` does not support `roadmap`"),
+        "{on_grid}"
+    );
+    assert!(
+        on_grid.contains("hint: choose a planner of roadmaps"),
+        "{on_grid}"
+    );
+    let on_roadmap = refused("--motion pebble --planner roadmap-pp");
+    assert!(
+        on_roadmap.contains("does not support `grid`"),
+        "{on_roadmap}"
+    );
+    assert!(on_roadmap.contains("`stop-go`"), "{on_roadmap}");
+}
+
+#[test]
+fn fleets_take_plans_that_tolerate_delays() {
+    let warehouse = map("warehouse-4-6-6-2-1.map");
+    let robust = |k: u32| {
+        short(&format!(
+            "--map {warehouse} --agents 16 --duration 20s --planner pp k={k} --generator windowed-multi-goals \
+             --invocation periodic --fail-policy pibt"
+        ))
+    };
+    let (usual, robust) = (robust(0), robust(1));
+    assert_eq!(counts(&robust)["invalid-batch"], Value::Null);
+    assert!(metric(&robust, "goals_reached") > 0);
+    assert_ne!(digest(&usual), digest(&robust));
+}
+
 #[test]
 fn what_cannot_be_run_is_refused_with_a_hint() {
     let yard = Yard::new();

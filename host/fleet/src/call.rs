@@ -4,6 +4,7 @@
 //! fail policy is asked where there is nothing that may be executed. Whatever goes wrong
 //! with a plugin ends here: a call has an answer, if only that everybody waits.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use fleetyard_abi::{
@@ -18,6 +19,7 @@ use crate::memory::Memory;
 use crate::modules::{Module, budget};
 use crate::recording::{KeptBytes, Notice};
 use crate::run::judge_by;
+use crate::timed::{Ordered, Timed, is_timed};
 use crate::{By, EventKind, FleetConfig, FleetError};
 
 /// A call.
@@ -67,13 +69,19 @@ pub(crate) struct Pipeline {
     /// other.
     pub(crate) components: Vec<u32>,
     pub(crate) environment: SharedEnvironment,
+    /// The map as the planner is told it, if it plans in continuous time.
+    pub(crate) timed: Option<Timed>,
     pub(crate) config: FleetConfig,
     pub(crate) planner: Module,
     pub(crate) generator: Module,
     pub(crate) fail_policy: Module,
 }
 
-const ALONG_THE_GRID: &str = "fleets move along the grid: use the motion `pebble` or `rotation`";
+const ALONG_THE_GRID: &str = "fleets move along the grid: use the motion `pebble` or `rotation`, or in continuous time \
+                              `stop-go` or `slower`";
+
+const IN_TIME: &str = "choose a planner of roadmaps in continuous time, such as `roadmap-pp`, or plan in steps, as with \
+                       the motion `pebble`";
 
 impl Pipeline {
     /// Refuses a planner that cannot do what the run needs.
@@ -88,12 +96,20 @@ impl Pipeline {
                 "choose another planner, or let it plan as for pebbles: robots turn all the same",
             ),
             Motion::AnyAngle => (Capability::AnyAngle, ALONG_THE_GRID),
-            Motion::StopGo => (Capability::StopGo, ALONG_THE_GRID),
-            Motion::Slower => (Capability::Slower, ALONG_THE_GRID),
+            Motion::StopGo => (Capability::StopGo, IN_TIME),
+            Motion::Slower => (Capability::Slower, IN_TIME),
             Motion::Dynamics => (Capability::Dynamics, ALONG_THE_GRID),
         };
+        let map = if is_timed(self.config.motion) {
+            (true, Capability::Roadmap, IN_TIME)
+        } else if can.has(Capability::Roadmap) {
+            let hint = "choose another planner, or let it plan in continuous time with the motion `stop-go`";
+            (true, Capability::Grid, hint)
+        } else {
+            (true, Capability::Grid, "choose another planner")
+        };
         let needs = [
-            (true, Capability::Grid, "choose another planner"),
+            map,
             (true, motion, hint),
             (
                 !unlimited,
@@ -142,9 +158,11 @@ impl Pipeline {
             &mut self.fail_policy,
         ] {
             let kind = module.info().kind;
+            let timed = self.timed.as_ref().filter(|_| kind == Kind::Planner);
+            let environment = timed.map_or(&self.environment, Timed::environment);
             let seed = self.config.call_seed(kind, u64::MAX);
             let budget = budget(allowance.prepare_s, allowance, 0, seed);
-            if let Err(fault) = module.ready(&self.environment, &budget) {
+            if let Err(fault) = module.ready(environment, &budget) {
                 return Err(FleetError::Start {
                     kind,
                     name: module.info().name.clone(),
@@ -329,14 +347,30 @@ impl Pipeline {
         let wall_s = self.config.limit_s;
         let given = &answer.assignments;
         let info = self.planner.info();
-        let instance = &*call.memory.of_instance(instance, &call.state, given, info);
+        let timed = self.timed.as_ref();
+        let asked = match timed {
+            None => Ok(call.memory.of_instance(instance, &call.state, given, info)),
+            // Memory is about cells, which such a planner does not know.
+            Some(timed) => timed.instance(instance).map(Cow::Owned),
+        };
+        let instance = match asked {
+            Ok(instance) => instance,
+            Err(message) => {
+                answer.notices.push(Notice {
+                    kind: EventKind::InvalidInstance,
+                    module: self.generator.info().id.clone(),
+                    message,
+                });
+                return None;
+            }
+        };
         let mut run = ask_for_plan(
             &mut self.planner,
-            &self.environment,
+            timed.map_or(&self.environment, Timed::environment),
             &self.config,
             &mut answer.notices,
             (EventKind::PlannerFault, call.number, wall_s),
-            |session, budget| session.plan(instance, budget),
+            |session, budget| session.plan(&instance, budget),
         )?;
         let kept = call.memory.news(self.planner.info(), run.kept.take());
         answer.kept.extend(kept);
@@ -354,29 +388,54 @@ impl Pipeline {
             let message = format!("answered after its limit of {wall_s} s");
             notice(EventKind::PlannerFault, message);
         }
-        let Some(plan) = run.cells().cloned() else {
-            if !fault_told && run.termination != Termination::TimedOut {
-                notice(EventKind::PlannerGaveUp, claim(&run));
+        let judged = match (timed, run.plan()) {
+            (Some(timed), Some(Plan::Visits(visits))) => {
+                let judged = timed.judge(&self.grid, &instance, visits);
+                judged.map_err(|reason| (reason, None))
             }
-            return None;
+            (None, Some(Plan::Cells(plan))) => {
+                let judged = judge_by(&self.config)(&self.grid, &instance, plan.clone());
+                let judged = judged.map(|batch| Ordered {
+                    batch,
+                    circles: Vec::new(),
+                });
+                judged.map_err(|refused| (refused.to_string(), Some(refused.plan)))
+            }
+            _ => {
+                if !fault_told && run.termination != Termination::TimedOut {
+                    notice(EventKind::PlannerGaveUp, claim(&run));
+                }
+                return None;
+            }
         };
-        match judge_by(&self.config)(&self.grid, instance, plan) {
-            Ok(batch) => {
+        match judged {
+            Ok(Ordered { batch, circles }) => {
                 answer.batch = Some(batch);
                 answer.by = By::Planner;
+                if timed.is_some() {
+                    // Its order is recorded as steps, which have no window any more.
+                    answer.window_steps = 0;
+                }
+                answer.notices.extend(circles.iter().map(|circle| Notice {
+                    kind: EventKind::RingsCut,
+                    module: "host".into(),
+                    message: format!(
+                        "robots {circle:?} would wait for each other: they stop before that"
+                    ),
+                }));
                 None
             }
-            Err(refused) => {
+            Err((refused, plan)) => {
                 if run.claim == Some(Status::Solved) {
-                    notice(EventKind::InvalidBatch, refused.to_string());
+                    notice(EventKind::InvalidBatch, refused);
                 } else if !fault_told {
                     notice(
                         EventKind::PlannerGaveUp,
                         format!("{}; its paths collide: {refused}", claim(&run)),
                     );
                 }
-                self.are_paths(instance, &refused.plan)
-                    .then(|| refused.plan.into())
+                let plan = plan.filter(|plan| self.are_paths(&instance, plan));
+                plan.map(Plan::from)
             }
         }
     }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::FleetError;
 use crate::adg::Pace;
+use crate::timed::is_timed;
 
 /// The time at which an answer takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -133,7 +134,7 @@ pub struct FleetConfig {
     pub cut: CutBy,
     /// Seed of everything random: starts, goals, and the seeds of calls.
     pub seed: u64,
-    /// The motion of robots as planners see it.
+    /// The motion of robots as planners see it, one of [`FleetConfig::MOTIONS`].
     pub motion: Motion,
     /// Most unfinished actions that a robot has been sent.
     pub queue: u32,
@@ -179,6 +180,23 @@ impl Default for FleetConfig {
 }
 
 impl FleetConfig {
+    /// Motions that planners may be asked for: in steps on the grid, or in continuous time on a roadmap of its cells.
+    pub const MOTIONS: &'static [Motion] = &[
+        Motion::Pebble,
+        Motion::Rotation,
+        Motion::StopGo,
+        Motion::Slower,
+    ];
+
+    /// The motion in steps that generators and fail policies are asked for.
+    pub fn motion_in_steps(&self) -> Motion {
+        if is_timed(self.motion) {
+            Motion::Pebble
+        } else {
+            self.motion
+        }
+    }
+
     /// The same by synchronous rules: a block is a step.
     #[must_use]
     pub fn synchronous(mut self) -> Self {

@@ -18,6 +18,7 @@ mod recording;
 mod run;
 mod series;
 pub mod steps;
+pub mod timed;
 
 pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig, Rules};
 pub use error::FleetError;

@@ -9,7 +9,9 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fleetyard_abi::{FleetState, FleetStatus, Heading, Instance, Motion, Robot, SharedEnvironment};
+use fleetyard_abi::{
+    Capability, FleetState, FleetStatus, Heading, Instance, Motion, Robot, SharedEnvironment,
+};
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, GridPlan, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
@@ -24,10 +26,11 @@ use crate::batch::{Batch, Refused, judge, judge_first};
 use crate::call::{Answer, Call, Pipeline, ask};
 use crate::course::Course;
 use crate::memory::Keeper;
-use crate::modules::{ModuleInfo, Modules};
+use crate::modules::{Module, ModuleInfo, Modules};
 use crate::recording::{End, Header, Notice, Recording, Round, from_moves, to_moves};
 use crate::series::Tally;
 use crate::steps::Steps;
+use crate::timed::{Timed, is_timed};
 use crate::{
     Assign, Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
 };
@@ -809,7 +812,7 @@ impl<'a> Run<'a> {
                         headings: Some(cut.headings.clone()),
                         goals,
                         window_steps,
-                        motion: config.motion,
+                        motion: config.motion_in_steps(),
                         radius_m: radius_m(self.ground.fleet, config),
                         robots: self.robots.clone(),
                         // Robots that are driven would wait for each other.
@@ -941,8 +944,10 @@ fn start(
         fail_policy,
     } = modules;
     let environment = environment(ground.grid, config);
+    let timed = is_timed(config.motion).then(|| timed(ground, config, &planner));
     let mut pipeline = Pipeline {
         grid: Arc::clone(ground.grid),
+        timed: timed.transpose()?,
         components: ground.grid.components(Connectivity::Four),
         environment: SharedEnvironment::clone(&environment),
         config: config.clone(),
@@ -953,6 +958,25 @@ fn start(
     pipeline.check_capabilities()?;
     pipeline.prepare()?;
     Plugins::start(pipeline, invocation, environment)
+}
+
+/// The map as a roadmap, with the models of robots: all of them for a planner that takes several.
+fn timed(ground: &Ground<'_>, config: &FleetConfig, planner: &Module) -> Result<Timed, FleetError> {
+    let radius_m = radius_m(ground.fleet, config);
+    let timed = Timed::new(ground.grid, &config.sim, radius_m, config.motion)?;
+    let quarter_turn_s = config.pace(ground.fleet).quarter_turn_s;
+    let several = ground
+        .fleet
+        .filter(|_| planner.capabilities().has(Capability::Heterogeneous))
+        .filter(|fleet| fleet.profiles().len() > 1);
+    Ok(match several {
+        Some(fleet) => timed.with_robots(
+            fleetyard_views::robots_of(fleet, |_| String::new()),
+            fleet.profile_of().to_vec(),
+            quarter_turn_s,
+        ),
+        None => timed.with_robots(robots(ground.fleet), Vec::new(), quarter_turn_s),
+    })
 }
 
 /// The plan of a recorded call, judged anew: a file may say anything.

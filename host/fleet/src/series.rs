@@ -77,6 +77,8 @@ impl Tally {
         self.fail_calls += u64::from(round.recovery_ms.is_some());
         self.recovery_ms.extend(round.recovery_ms);
         for notice in &round.notices {
+            // Plans in continuous time have theirs cut before they are recorded.
+            self.rings_cut += u64::from(notice.kind == EventKind::RingsCut);
             let block = match notice.kind {
                 EventKind::Watchdog | EventKind::InvocationFault => round.block,
                 _ => round.effect,

@@ -107,7 +107,7 @@ impl Default for FleetTable {
 }
 
 fn motion<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Motion, D::Error> {
-    one_of(deserializer, &[Motion::Pebble, Motion::Rotation])
+    one_of(deserializer, FleetConfig::MOTIONS)
 }
 
 fn assign<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Assign, D::Error> {

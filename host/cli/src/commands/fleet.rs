@@ -138,8 +138,9 @@ struct FleetAsked {
     #[arg(long, help_heading = PLANNING, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().limit_s),
           value_parser = positive_seconds)]
     limit: f64,
-    /// Motion of robots as planners see it; robots turn in any case
-    #[arg(long, help_heading = PLANNING, value_parser = one_of(&[Motion::Pebble, Motion::Rotation]),
+    /// Motion of robots as planners see it; robots turn in any case. With stop-go and slower they plan
+    /// in continuous time
+    #[arg(long, help_heading = PLANNING, value_parser = one_of(FleetConfig::MOTIONS),
           default_value_t = FleetConfig::default().motion)]
     motion: Motion,
     /// When an answer takes effect

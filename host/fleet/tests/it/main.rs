@@ -5,4 +5,5 @@ mod assign;
 mod batch;
 mod config;
 mod steps;
+mod timed;
 mod walks;
