@@ -121,6 +121,7 @@ fn steps(criterion: &mut Criterion) {
                 horizon: 4,
                 tries: Some(tries),
                 window: 1,
+                threads: 1,
             };
             let map = instance(side, agents).map;
             let mut floor = Floor::new(map, agents, true, 1, 0, 1);

@@ -29,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         horizon: 3 + usize::from(turning),
         tries: Some(number(1, 5)?),
         window: 1,
+        threads: 1,
     };
     let (charge, known) = (number(2, 0)?, number(3, 1)?);
     let text = std::fs::read_to_string(map)?;

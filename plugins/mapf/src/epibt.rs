@@ -7,22 +7,28 @@
 //! | paper | here |
 //! | --- | --- |
 //! | multi-action operation, of `ω` actions | `Operation`, of `D` cells; all of them: `operations::Maker` |
-//! | operations of an agent, sorted by `h` | `Team::candidates`, by `Operation::loss` |
+//! | operations of an agent, sorted by `h` | `Menu`, by `Operation::loss` |
 //! | reservations of vertices and edges per step | `Team::held`, `Team::claim` |
 //! | operations inherited from the step before | `Team::settle` |
-//! | the loop over agents in order of priority | `Team::pass` |
-//! | recursion of PIBT that displaces one agent per try | `Team::build`; each call is a `Frame` of its stack |
+//! | the loop over agents in order of priority | `Search::pass` |
+//! | recursion of PIBT that displaces one agent per try | `Search::build`; each call is a `Frame` of its stack |
 //! | re-visits of an agent, at most ten | `VISITS` |
-//! | score of a step, to be large | `Team::loss`, to be small: the sum without what is the same for all steps |
-//! | EPIBT+LNS | `Team::improve` |
-//! | (not in the paper) rings of moves may be forbidden | `Team::closes_ring` |
+//! | score of a step, to be large | `Search::loss`, to be small: the sum without what is the same for all steps |
+//! | EPIBT+LNS | `Search::improve` |
+//! | (not in the paper) parts of a large map are improved at the same time | `regions` |
+//! | (not in the paper) rings of moves may be forbidden | `Search::closes_ring` |
+//! | (not in the paper) agents step aside before dead ends | `Run::aside` |
 //! | (not in the paper) goals after the next one | `operations::Aim` |
 //!
 //! This module makes one step of the planner. [`run`] makes one after the other, and tells agents
 //! where they are.
 
+mod aside;
 pub(crate) mod operations;
+mod regions;
 pub mod run;
+
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
@@ -44,7 +50,7 @@ pub(crate) struct Operation<const D: usize> {
     pub(crate) cells: [Vertex; D],
     /// Cost of its steps and of the way from its end on, in units of which the least preference
     /// among equals is 1.
-    pub(crate) loss: i64,
+    pub(crate) loss: i32,
 }
 
 /// Agents that stand against an operation.
@@ -57,17 +63,17 @@ enum Claim {
 
 /// An agent that tries its operations, waiting for the one that it displaces.
 #[derive(Debug, Clone, Copy)]
-struct Frame<const D: usize> {
+struct Frame {
     agent: u32,
     /// The next of its candidates.
     next: u32,
     /// The agent that it displaces now.
     displaced: u32,
-    /// The operation that it had before.
-    before: Operation<D>,
+    /// The operation that it had before, as in [`Team::chosen`].
+    before: u32,
 }
 
-/// Result of [`Team::build`].
+/// Result of [`Search::build`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Built {
     /// Everybody has an operation, and it was accepted.
@@ -78,6 +84,38 @@ enum Built {
     Stopped,
 }
 
+/// The operations of some agents that follow each other: of each its candidates, best first, then the
+/// one that it has from the step before, and the one that is to wait.
+#[derive(Debug, Default)]
+pub(crate) struct Menu<const D: usize> {
+    list: Vec<Operation<D>>,
+    /// Where those of each agent begin, and where those of the last end.
+    first: Vec<u32>,
+}
+
+impl<const D: usize> Menu<D> {
+    pub(crate) fn clear(&mut self) {
+        self.list.clear();
+        self.first.clear();
+        self.first.push(0);
+    }
+
+    /// The operations of the next agent: `all` adds its candidates to the list.
+    pub(crate) fn add(
+        &mut self,
+        all: impl FnOnce(&mut Vec<Operation<D>>),
+        kept: Operation<D>,
+        wait: Operation<D>,
+    ) {
+        all(&mut self.list);
+        self.list.extend([kept, wait]);
+        self.first.push(self.list.len() as u32);
+    }
+}
+
+/// Agents of a [`Menu`].
+pub(crate) const MENU: usize = 256;
+
 /// All agents with the operations that they have now, which do not collide.
 #[derive(Debug)]
 pub(crate) struct Team<const D: usize> {
@@ -87,49 +125,40 @@ pub(crate) struct Team<const D: usize> {
     starts: Vec<Vertex>,
     /// The agent in each vertex at first.
     occupant: Vec<u32>,
-    /// The agent in each vertex after each step: `D` entries a vertex.
-    held: Vec<u32>,
-    chosen: Vec<Operation<D>>,
-    /// Operations of all agents, best first; those of agent `i` are from `first[i]` up to but not
-    /// including `first[i + 1]`.
-    candidates: Vec<Operation<D>>,
-    first: Vec<u32>,
+    /// The agent in each vertex after each step: `D` entries a vertex. Searches in different regions
+    /// write different ones.
+    held: Vec<AtomicU32>,
+    /// Operations of all agents, [`MENU`] in each.
+    menus: Vec<Menu<D>>,
+    /// The place of each agent's operation in its menu.
+    chosen: Vec<AtomicU32>,
     /// Agents in order of priority, the place of each in it, and what its loss counts.
     order: Vec<u32>,
     rank: Vec<u32>,
     weight: Vec<i64>,
-    /// Sum of losses by weight.
-    loss: i64,
-    /// The search that visited an agent last, and how often it did; and the search that has given
-    /// it its operation, or is about to.
-    visited: Vec<(u32, u8)>,
-    fixed: Vec<u32>,
-    search: u32,
-    stack: Vec<Frame<D>>,
+    /// The region of each vertex, and of each agent that stays in it whatever it does; [`NOBODY`] for
+    /// an agent that does not.
+    region: Vec<u32>,
+    within: Vec<u32>,
 }
 
 impl<const D: usize> Team<D> {
     pub(crate) fn new(graph: &Graph, agents: usize, rings: bool) -> Self {
-        let nowhere = Operation {
-            cells: [graph.wall(); D],
-            loss: 0,
-        };
+        let nobody = |count| (0..count).map(|_| AtomicU32::new(NOBODY)).collect();
         Self {
             rings,
             starts: Vec::with_capacity(agents),
             occupant: vec![NOBODY; graph.len() + 1],
-            held: vec![NOBODY; (graph.len() + 1) * D],
-            chosen: vec![nowhere; agents],
-            candidates: Vec::new(),
-            first: vec![0; agents + 1],
+            held: nobody((graph.len() + 1) * D),
+            menus: (0..agents.div_ceil(MENU))
+                .map(|_| Menu::default())
+                .collect(),
+            chosen: nobody(agents),
             order: (0..agents as u32).collect(),
             rank: vec![0; agents],
             weight: vec![0; agents],
-            loss: 0,
-            visited: vec![(0, 0); agents],
-            fixed: vec![0; agents],
-            search: 0,
-            stack: Vec::new(),
+            region: vec![0; graph.len() + 1],
+            within: vec![0; agents],
         }
     }
 
@@ -151,7 +180,8 @@ impl<const D: usize> Team<D> {
             let share = (agents - i64::from(rank)) * WHOLE / agents;
             self.weight[agent as usize] = share * share / WHOLE;
         }
-        self.candidates.clear();
+        self.region.fill(0);
+        self.within.fill(0);
     }
 
     /// Shuffles agents that are equally urgent.
@@ -159,30 +189,36 @@ impl<const D: usize> Team<D> {
         random.shuffle(&mut self.order);
     }
 
-    /// The list to which the operations of the agents are added, of one after the other.
-    pub(crate) fn candidates(&mut self) -> &mut Vec<Operation<D>> {
-        &mut self.candidates
-    }
-
-    /// The operations of an agent end there in the list.
-    pub(crate) fn end_candidates(&mut self, agent: usize, end: usize) {
-        self.first[agent + 1] = end as u32;
+    /// The menus of all agents, which are to be filled after [`Team::begin`].
+    pub(crate) fn menus(&mut self) -> &mut Vec<Menu<D>> {
+        &mut self.menus
     }
 
     /// The operation that an agent has.
-    pub(crate) fn chosen(&self, agent: usize) -> &Operation<D> {
-        &self.chosen[agent]
+    #[inline]
+    pub(crate) fn chosen(&self, agent: u32) -> &Operation<D> {
+        let place = self.chosen[agent as usize].load(Ordering::Relaxed);
+        &self.menus[agent as usize / MENU].list[place as usize]
     }
 
+    /// Where the operations of an agent begin and end in its menu.
+    #[inline]
+    fn places(&self, agent: u32) -> (&Menu<D>, usize, usize) {
+        let menu = &self.menus[agent as usize / MENU];
+        let at = agent as usize % MENU;
+        (menu, menu.first[at] as usize, menu.first[at + 1] as usize)
+    }
+
+    /// The candidates of an agent.
     #[inline]
     fn of(&self, agent: u32) -> &[Operation<D>] {
-        let agent = agent as usize;
-        &self.candidates[self.first[agent] as usize..self.first[agent + 1] as usize]
+        let (menu, first, end) = self.places(agent);
+        &menu.list[first..end - 2]
     }
 
     #[inline]
     fn at(&self, v: Vertex, step: usize) -> u32 {
-        self.held[v as usize * D + step]
+        self.held[v as usize * D + step].load(Ordering::Relaxed)
     }
 
     /// The agent in a cell before a step.
@@ -226,20 +262,28 @@ impl<const D: usize> Team<D> {
         }
     }
 
-    /// True if an agent would move round in a ring with others, where nobody may.
+    /// True if an agent would move round in a ring with others, where nobody may; or might, with
+    /// some of another region.
     fn closes_ring(&self, agent: u32, operation: &Operation<D>) -> bool {
         if self.rings {
             return false;
         }
         let mut from = self.starts[agent as usize];
+        let region = self.region[from as usize];
         for (step, &v) in operation.cells.iter().enumerate() {
             let mut at = v;
             while at != from {
+                if self.region[at as usize] != region {
+                    return true;
+                }
                 let ahead = self.before(at, step);
                 if ahead == NOBODY {
                     break;
                 }
-                let next = self.chosen[ahead as usize].cells[step];
+                let next = self.chosen(ahead).cells[step];
+                if self.region[next as usize] != region {
+                    return true;
+                }
                 // One that has no operation now is nowhere after its start.
                 if next == at || self.at(next, step) != ahead {
                     break;
@@ -254,39 +298,45 @@ impl<const D: usize> Team<D> {
         false
     }
 
+    /// Gives an agent an operation of its menu.
     #[inline]
-    fn add(&mut self, agent: u32, operation: Operation<D>) {
-        for (step, &v) in operation.cells.iter().enumerate() {
+    fn put(&self, agent: u32, place: u32) {
+        self.chosen[agent as usize].store(place, Ordering::Relaxed);
+        for (step, &v) in self.chosen(agent).cells.iter().enumerate() {
             debug_assert_eq!(self.at(v, step), NOBODY);
-            self.held[v as usize * D + step] = agent;
+            self.held[v as usize * D + step].store(agent, Ordering::Relaxed);
         }
-        self.loss += self.weight[agent as usize] * operation.loss;
-        self.chosen[agent as usize] = operation;
     }
 
+    /// Takes an agent's operation away.
     #[inline]
-    fn remove(&mut self, agent: u32) {
-        let operation = &self.chosen[agent as usize];
-        for (step, &v) in operation.cells.iter().enumerate() {
-            debug_assert_eq!(self.held[v as usize * D + step], agent);
-            self.held[v as usize * D + step] = NOBODY;
+    fn take(&self, agent: u32) {
+        for (step, &v) in self.chosen(agent).cells.iter().enumerate() {
+            debug_assert_eq!(self.at(v, step), agent);
+            self.held[v as usize * D + step].store(NOBODY, Ordering::Relaxed);
         }
-        self.loss -= self.weight[agent as usize] * operation.loss;
     }
 
-    /// Gives everybody an operation of the step before, or lets them wait where these collide.
-    pub(crate) fn settle(&mut self, kept: &[Operation<D>], waits: &[Operation<D>]) {
-        self.held.fill(NOBODY);
-        self.loss = 0;
+    /// Gives everybody the operation of the step before, or lets them wait where these collide.
+    pub(crate) fn settle(&mut self) {
+        for entry in &mut self.held {
+            *entry.get_mut() = NOBODY;
+        }
         let agents = self.starts.len();
+        // The places of the last step mean nothing in these menus.
+        for agent in 0..agents as u32 {
+            let (_, _, end) = self.places(agent);
+            *self.chosen[agent as usize].get_mut() = end as u32 - 1;
+        }
         let mut waiting = vec![false; agents];
         let mut left: Vec<u32> = self.order.iter().rev().copied().collect();
         while let Some(agent) = left.pop() {
             let at = agent as usize;
+            let (menu, _, end) = self.places(agent);
             if !waiting[at] {
-                let free = self.claim(agent, &kept[at]) == Claim::Free;
-                if free && !self.closes_ring(agent, &kept[at]) {
-                    self.add(agent, kept[at]);
+                let kept = &menu.list[end - 2];
+                if self.claim(agent, kept) == Claim::Free && !self.closes_ring(agent, kept) {
+                    self.put(agent, end as u32 - 2);
                     continue;
                 }
                 waiting[at] = true;
@@ -295,53 +345,109 @@ impl<const D: usize> Team<D> {
             for step in 0..D {
                 let other = self.at(self.starts[at], step);
                 if other != NOBODY {
-                    self.remove(other);
+                    self.take(other);
                     waiting[other as usize] = true;
                     left.push(other);
                 }
             }
-            self.add(agent, waits[at]);
+            self.put(agent, end as u32 - 1);
         }
+    }
+}
+
+/// Memory of searches of one thread.
+#[derive(Debug)]
+pub(crate) struct Search {
+    /// The search that visited an agent last, and how often it did; and the search that has given
+    /// it its operation, or is about to.
+    visited: Vec<(u32, u8)>,
+    fixed: Vec<u32>,
+    number: u32,
+    stack: Vec<Frame>,
+    /// Sum of losses by weight, less what it was at the beginning.
+    loss: i64,
+    /// The region of the agents that may be displaced.
+    region: u32,
+}
+
+impl Search {
+    pub(crate) fn new(agents: usize) -> Self {
+        Self {
+            visited: vec![(0, 0); agents],
+            fixed: vec![0; agents],
+            number: 0,
+            stack: Vec::new(),
+            loss: 0,
+            region: 0,
+        }
+    }
+
+    #[inline]
+    fn put<const D: usize>(&mut self, team: &Team<D>, agent: u32, place: u32) {
+        team.put(agent, place);
+        self.loss += team.weight[agent as usize] * i64::from(team.chosen(agent).loss);
+    }
+
+    /// Gives an agent back the operation that was taken from it.
+    #[inline]
+    fn put_back<const D: usize>(&mut self, team: &Team<D>, agent: u32) {
+        self.put(
+            team,
+            agent,
+            team.chosen[agent as usize].load(Ordering::Relaxed),
+        );
+    }
+
+    #[inline]
+    fn take<const D: usize>(&mut self, team: &Team<D>, agent: u32) {
+        team.take(agent);
+        self.loss -= team.weight[agent as usize] * i64::from(team.chosen(agent).loss);
     }
 
     /// Lets everybody choose, in order of priority. False when it was stopped; the operations are
     /// valid all the same.
-    pub(crate) fn pass(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
-        self.search += 1;
-        for at in 0..self.order.len() {
-            if (at as u32).is_multiple_of(PATIENCE) && stop() {
+    pub(crate) fn pass<const D: usize>(
+        &mut self,
+        team: &Team<D>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> bool {
+        self.number += 1;
+        self.region = 0;
+        for (at, &agent) in (0..).zip(&team.order) {
+            if at % PATIENCE == 0 && stop() {
                 return false;
             }
-            let agent = self.order[at];
             // Whoever was displaced has chosen already.
-            if self.fixed[agent as usize] == self.search {
+            if self.fixed[agent as usize] == self.number {
                 continue;
             }
-            if self.build(agent, Some(at as u32), stop) == Built::Stopped {
+            if self.build(team, agent, Some(at), stop) == Built::Stopped {
                 return false;
             }
         }
         true
     }
 
-    /// Tries so often to make the step better, beginning with an agent at random; as often as
-    /// there is time for without a number.
-    pub(crate) fn improve(
+    /// Tries so often to make the step better, beginning with one of these agents of a region at
+    /// random; as often as there is time for without a number.
+    fn improve<const D: usize>(
         &mut self,
+        team: &Team<D>,
+        (region, agents): (u32, &[u32]),
         tries: Option<u64>,
         random: &mut Random,
         stop: &mut dyn FnMut() -> bool,
     ) {
-        let agents = self.starts.len();
+        self.region = region;
         let mut tried: u64 = 0;
-        while agents > 0 && tries.is_none_or(|tries| tried < tries) {
+        while !agents.is_empty() && tries.is_none_or(|tries| tried < tries) {
             if tried.is_multiple_of(PATIENCE.into()) && stop() {
                 return;
             }
             tried += 1;
-            let agent = random.below(agents) as u32;
-            self.search += 1;
-            if self.build(agent, None, stop) == Built::Stopped {
+            let agent = agents[random.below(agents.len())];
+            self.number += 1;
+            if self.build(team, agent, None, stop) == Built::Stopped {
                 return;
             }
         }
@@ -350,35 +456,41 @@ impl<const D: usize> Team<D> {
     /// Gives an agent the best operation for which others, one at a time, find another one. With
     /// an own priority only those of lower priority are displaced, and any change is accepted;
     /// without, anybody is, and only a change for the better, or for no worse.
-    fn build(&mut self, agent: u32, rank: Option<u32>, stop: &mut dyn FnMut() -> bool) -> Built {
+    fn build<const D: usize>(
+        &mut self,
+        team: &Team<D>,
+        agent: u32,
+        rank: Option<u32>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Built {
         let most = if rank.is_some() { i64::MAX } else { self.loss };
         self.stack.clear();
-        self.enter(agent);
+        self.take(team, agent);
+        self.enter(team, agent);
         let mut entered: u32 = 0;
         let mut lost = false;
         while let Some(&top) = self.stack.last() {
             let Frame { agent, before, .. } = top;
             let mut next = top.next as usize;
             if std::mem::take(&mut lost) {
-                self.remove(agent);
-                let displaced = top.displaced;
-                self.add(displaced, self.chosen[displaced as usize]);
+                self.take(team, agent);
+                self.put_back(team, top.displaced);
             }
-            let count = self.of(agent).len();
+            let count = team.of(agent).len();
             let mut displaced = NOBODY;
             while next < count && displaced == NOBODY {
-                displaced = self.attempt(agent, next, rank, most);
+                displaced = self.attempt(team, agent, next, rank, most);
                 next += 1;
                 if displaced == agent {
                     return Built::Yes;
                 }
             }
             if displaced == NOBODY {
-                self.chosen[agent as usize] = before;
+                team.chosen[agent as usize].store(before, Ordering::Relaxed);
                 self.fixed[agent as usize] = 0;
                 self.stack.pop();
                 if self.stack.is_empty() {
-                    self.add(agent, before);
+                    self.put(team, agent, before);
                 }
                 lost = true;
                 continue;
@@ -390,10 +502,10 @@ impl<const D: usize> Team<D> {
             entered += 1;
             let stopped = entered.is_multiple_of(PATIENCE) && stop();
             if stopped || rank.is_none() && entered == EFFORT {
-                self.give_up(displaced);
+                self.give_up(team, displaced);
                 return if stopped { Built::Stopped } else { Built::No };
             }
-            self.enter_displaced(displaced);
+            self.enter(team, displaced);
         }
         Built::No
     }
@@ -402,80 +514,86 @@ impl<const D: usize> Team<D> {
     /// operation thereby; the agent itself if nobody has and the change is accepted, since the sum of
     /// losses is at most `most`; [`NOBODY`] if nothing has changed.
     #[inline]
-    fn attempt(&mut self, agent: u32, number: usize, rank: Option<u32>, most: i64) -> u32 {
-        let operation = &self.of(agent)[number];
-        let other = match self.claim(agent, operation) {
+    fn attempt<const D: usize>(
+        &mut self,
+        team: &Team<D>,
+        agent: u32,
+        number: usize,
+        rank: Option<u32>,
+        most: i64,
+    ) -> u32 {
+        let (menu, first, _) = team.places(agent);
+        let place = first + number;
+        let operation = &menu.list[place];
+        let other = match team.claim(agent, operation) {
             Claim::Several => return NOBODY,
             Claim::Free => agent,
             Claim::One(other) => other,
         };
-        let operation = *operation;
-        let loss = self.loss + self.weight[agent as usize] * operation.loss;
+        let loss = self.loss + team.weight[agent as usize] * i64::from(operation.loss);
         let gain = match other {
             _ if other == agent => 0,
-            _ if !self.may_displace(other, rank) => return NOBODY,
-            _ => self.most_gain(other),
+            _ if !self.may_displace(team, other, rank) => return NOBODY,
+            _ => most_gain(team, other),
         };
         if loss - gain > most {
             return NOBODY;
         }
         if other != agent {
-            self.remove(other);
+            self.take(team, other);
         }
-        if self.closes_ring(agent, &operation) {
+        if team.closes_ring(agent, operation) {
             if other != agent {
-                self.add(other, self.chosen[other as usize]);
+                self.put_back(team, other);
             }
             return NOBODY;
         }
-        self.add(agent, operation);
+        self.put(team, agent, place as u32);
         other
     }
 
-    /// The most by which an agent could make the sum of losses smaller.
-    fn most_gain(&self, agent: u32) -> i64 {
-        let chosen = self.chosen[agent as usize].loss;
-        let best = self.of(agent).first().map_or(chosen, |best| best.loss);
-        self.weight[agent as usize] * (chosen - best)
-    }
-
     /// Undoes all that is under way; `displaced` has no operation.
-    fn give_up(&mut self, displaced: u32) {
+    fn give_up<const D: usize>(&mut self, team: &Team<D>, displaced: u32) {
         let mut last = displaced;
         while let Some(frame) = self.stack.pop() {
-            self.remove(frame.agent);
-            self.add(last, self.chosen[last as usize]);
-            self.chosen[frame.agent as usize] = frame.before;
+            self.take(team, frame.agent);
+            self.put_back(team, last);
+            team.chosen[frame.agent as usize].store(frame.before, Ordering::Relaxed);
             last = frame.agent;
         }
-        self.add(last, self.chosen[last as usize]);
+        self.put_back(team, last);
     }
 
-    fn may_displace(&self, other: u32, rank: Option<u32>) -> bool {
+    fn may_displace<const D: usize>(&self, team: &Team<D>, other: u32, rank: Option<u32>) -> bool {
         let at = other as usize;
-        if self.fixed[at] == self.search || rank.is_some_and(|rank| self.rank[at] <= rank) {
+        if team.within[at] != self.region
+            || self.fixed[at] == self.number
+            || rank.is_some_and(|rank| team.rank[at] <= rank)
+        {
             return false;
         }
         let (search, visits) = self.visited[at];
-        search != self.search || visits < VISITS
+        search != self.number || visits < VISITS
     }
 
-    fn enter(&mut self, agent: u32) {
-        self.remove(agent);
-        self.enter_displaced(agent);
-    }
-
-    fn enter_displaced(&mut self, agent: u32) {
+    fn enter<const D: usize>(&mut self, team: &Team<D>, agent: u32) {
         let at = agent as usize;
         let (search, visits) = self.visited[at];
-        let visits = if search == self.search { visits } else { 0 };
-        self.visited[at] = (self.search, visits + 1);
-        self.fixed[at] = self.search;
+        let visits = if search == self.number { visits } else { 0 };
+        self.visited[at] = (self.number, visits + 1);
+        self.fixed[at] = self.number;
         self.stack.push(Frame {
             agent,
             next: 0,
             displaced: NOBODY,
-            before: self.chosen[at],
+            before: team.chosen[at].load(Ordering::Relaxed),
         });
     }
+}
+
+/// The most by which an agent could make the sum of losses smaller.
+fn most_gain<const D: usize>(team: &Team<D>, agent: u32) -> i64 {
+    let chosen = team.chosen(agent).loss;
+    let best = team.of(agent).first().map_or(chosen, |best| best.loss);
+    team.weight[agent as usize] * i64::from(chosen - best)
 }

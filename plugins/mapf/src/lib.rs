@@ -48,6 +48,7 @@ mod one_shot;
 mod pibt;
 pub mod plugin;
 mod scatter;
+mod share;
 mod solve;
 pub mod streets;
 

@@ -25,6 +25,7 @@ use fleetyard_plugin_spacetime::plan::{paths_of, plan_of};
 use fleetyard_plugin_spacetime::problem::{ProblemError, vertex_of, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 
+use crate::pibt::swap::Will;
 use crate::pibt::{Pibt, Wishes};
 
 /// No row of [`Gradients`]: an agent that wants nothing.
@@ -240,21 +241,6 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
     }
 
     #[inline]
-    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
-        let row = self.row[agent];
-        row != NOTHING && self.gradients.nearer(graph, row, a, b)
-    }
-
-    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
-        self.row[agent] == NOTHING || self.nearer(graph, agent, a, b)
-    }
-
-    fn rests(&self, agent: usize, v: Vertex) -> bool {
-        let row = self.row[agent];
-        row != NOTHING && self.next[agent] == self.of(agent).len() && self.gradients.goal(row) == v
-    }
-
-    #[inline]
     fn rank(
         &mut self,
         graph: &Graph,
@@ -273,6 +259,23 @@ impl<R: Ranking> Wishes for Fleet<'_, R> {
             *v = graph.vertex(cell).unwrap_or(*v);
         }
         refused
+    }
+}
+
+impl<R: Ranking> Will for Fleet<'_, R> {
+    #[inline]
+    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        let row = self.row[agent];
+        row != NOTHING && self.gradients.nearer(graph, row, a, b)
+    }
+
+    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        self.row[agent] == NOTHING || self.nearer(graph, agent, a, b)
+    }
+
+    fn rests(&self, agent: usize, v: Vertex) -> bool {
+        let row = self.row[agent];
+        row != NOTHING && self.next[agent] == self.of(agent).len() && self.gradients.goal(row) == v
     }
 }
 

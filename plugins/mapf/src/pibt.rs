@@ -25,12 +25,13 @@
 //! and a random permutation of the directions, looked up together in a table, give
 //! "closer ones in random order, staying, the others in random order".
 
-mod swap;
+pub(crate) mod swap;
 
 use fleetyard_plugin_spacetime::distance::Distances;
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
 
+use self::swap::Will;
 use crate::scatter::Guide;
 
 /// No agent.
@@ -43,20 +44,11 @@ const PERMUTATIONS: usize = 24;
 const CLOSER: u8 = 0b1111;
 
 /// Preferences of the agents among the vertices where they can be next.
-pub(crate) trait Wishes {
+pub(crate) trait Wishes: Will {
     /// The directions that lead `agent` from `v` nearer to where it wants to be, a bit
     /// each, and in the upper half the direction to prefer to them all plus one, if there
     /// is one.
     fn preference(&mut self, graph: &Graph, agent: usize, v: Vertex) -> u8;
-    /// True if `a` is nearer to where `agent` wants to be than its neighbour `b`.
-    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
-    /// True if `agent` at `b` has nothing against changing places with whoever is at `a`.
-    #[inline]
-    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
-        self.nearer(graph, agent, a, b)
-    }
-    /// True if `v` is where `agent` wants to stay.
-    fn rests(&self, agent: usize, v: Vertex) -> bool;
     /// The last word about the order in which `agent` tries the vertices where it can be
     /// next, best first. Gives how many of them, at the end, it tries only when it has to leave
     /// `here`.
@@ -90,7 +82,9 @@ impl Wishes for OneGoal<'_, '_> {
         }
         code
     }
+}
 
+impl Will for OneGoal<'_, '_> {
     #[inline]
     fn nearer(&mut self, _: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
         self.distances.get(agent, a) < self.distances.get(agent, b)

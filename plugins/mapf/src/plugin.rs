@@ -217,11 +217,12 @@ impl Method for EpibtOptions {
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
         Capability::Rotation,
+        Capability::Threads,
         Capability::Windowed,
         Capability::DuplicateGoals,
         Capability::Idle,
     ];
-    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID, c::REST_OF_PLAN_ID];
+    const PARTS: &'static [&'static str] = &[c::REST_OF_PLAN_ID];
     type Map = Block;
 
     fn check(&self) -> Result<(), String> {
@@ -269,7 +270,9 @@ impl Method for EpibtOptions {
             goals: &instance.goals,
             headings,
             turning: turn,
-            traffic: instance.traffic(),
+            // Several steps ahead crowds are seen for themselves.
+            traffic: None,
+            threads: call.budget.threads as usize,
         };
         let failure = |status, reason: &str| Err(Failure::new(status, reason));
         // Half of the time for tables, so that the first call of many agents has a plan as well; what
@@ -293,6 +296,7 @@ impl Method for EpibtOptions {
             rings: instance.allows_cycles,
             rest: rest.as_ref(),
             seed: call.budget.seed,
+            threads: call.budget.threads as usize,
         };
         let (plan, end) = epibt::run(&block.graph, &mut by_street, &query, &mut clock)?;
         if end == epibt::End::Done || query.window.is_some() {
@@ -443,6 +447,7 @@ impl Roads {
                 headings: instance.headings.as_deref(),
                 turning: Turning::of(instance),
                 traffic: instance.traffic(),
+                threads: 1,
             };
             streets.ranking(journeys, stop)
         });

@@ -29,6 +29,7 @@ use std::sync::Arc;
 
 use fleetyard_abi::{Goals, Heading, Instance, Limit, Robot, Traffic};
 use fleetyard_plugin_spacetime::distance::Tables;
+use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
@@ -37,6 +38,7 @@ use self::passages::Passage;
 use self::signals::{Crossings, SIGHT, Signals};
 use self::ways::{Moves, Tolls, Ways};
 use crate::lifelong::{Place, Ranking};
+use crate::share::share;
 
 /// Units of cost in a step.
 pub(crate) const STEP: u32 = 4;
@@ -47,6 +49,8 @@ const WAIT: u32 = 5;
 const MOST_TURN: f64 = 50.0;
 /// Tables that no agent asks for any longer are kept in so many bytes.
 const IDLE_BYTES: u64 = 256 << 20;
+/// Agents whose ways are found between two looks at the clock.
+const PATIENCE: usize = 64;
 
 /// The time that a turn by 90° takes a robot: to brake, to turn and to set out again, less the time
 /// in which it would have driven the same way without a stop.
@@ -140,6 +144,10 @@ pub struct Streets {
     crossings: Crossings,
     step_s: f64,
     tables: Tables<Key, Ways>,
+    /// Costs of the last call, each with its turn and the hash of its averages.
+    tolls: Vec<(u32, u64, Arc<Tolls>)>,
+    /// Distances for those whose tables do not fit.
+    gradients: Option<Gradients>,
 }
 
 /// All that decides about a table: the goal, the cost of a turn, and a hash of the averages.
@@ -158,6 +166,8 @@ pub struct Journeys<'a> {
     pub turning: Turning,
     /// Averages of where agents wait, if they are known.
     pub traffic: Option<&'a Traffic>,
+    /// Threads that look for ways.
+    pub threads: usize,
 }
 
 impl Streets {
@@ -180,6 +190,8 @@ impl Streets {
             doors,
             step_s,
             tables: Tables::new(bytes),
+            tolls: Vec::new(),
+            gradients: None,
         }
     }
 
@@ -219,6 +231,7 @@ impl Streets {
             headings,
             turning,
             traffic,
+            threads,
         } = journeys;
         self.tables.weigh(IDLE_BYTES, Ways::bytes);
         self.tables.begin();
@@ -226,10 +239,17 @@ impl Streets {
             Some(traffic) => vec![&traffic.last.waiting[..], &traffic.before.waiting],
             None => vec![&[][..]],
         };
-        let averages = averages.into_iter();
         let turn = turning.units(self.step_s);
-        let tolls = averages.map(|waiting| (hash_of(waiting), self.tolls(turn, waiting)));
-        let tolls = tolls.collect();
+        self.tolls = averages
+            .into_iter()
+            .map(|waiting| self.price(turn, waiting))
+            .collect();
+        let tolls = self
+            .tolls
+            .iter()
+            .map(|(_, hash, tolls)| (*hash, Arc::clone(tolls)))
+            .collect();
+        let fits = self.fits(starts, goals);
         let mut ranking = ByStreet {
             tolls,
             traffic,
@@ -237,32 +257,45 @@ impl Streets {
             starts,
             goals,
             journeys: vec![Journey::default(); goals.len()],
-            fits: self.fits(starts, goals),
+            wanting: fits.iter().filter(|fits| !**fits).count(),
+            fits,
             signals: None,
             late: false,
             streets: self,
         };
         let mut missing = Vec::new();
         for agent in 0..goals.len() {
-            let Some((goal, key, _)) = ranking.key(agent, 0) else {
+            let Some((goal, key, tolls)) = ranking.key(agent, 0) else {
                 continue;
             };
             let Streets { graph, tables, .. } = &mut *ranking.streets;
-            if tables.kept(key).is_some() {
-                ranking.journeys[agent] = ranking.journey(agent, 0);
+            if !ranking.fits[agent] {
+                continue;
+            }
+            if let Some(ways) = tables.kept(key) {
+                ranking.journeys[agent] = Journey {
+                    visited: 0,
+                    ways: Some(ways),
+                    tolls,
+                };
             } else {
                 missing.push((away(graph, starts, agent, goal), agent));
             }
         }
         missing.sort_unstable();
-        for (_, agent) in missing {
+        for part in missing.chunks(PATIENCE) {
             if stop() {
                 ranking.late = true;
                 break;
             }
-            ranking.journeys[agent] = ranking.journey(agent, 0);
-            let heading = headings.and_then(|headings| headings.get(agent));
-            ranking.rest(agent, heading.map(|heading| direction(*heading)));
+            for &(_, agent) in part {
+                ranking.journeys[agent] = ranking.journey(agent, 0);
+            }
+            let mut workers = vec![(); threads.clamp(1, part.len())];
+            share(&mut workers, part.iter(), |(), &(_, agent)| {
+                let heading = headings.and_then(|headings| headings.get(agent));
+                ranking.rest(agent, heading.map(|heading| direction(*heading)));
+            });
         }
         if !ranking.streets.crossings.is_empty() {
             let routes = starts.iter().enumerate().take(goals.len());
@@ -297,6 +330,22 @@ impl Streets {
             }
         }
         fits
+    }
+
+    /// The costs of turns, and of moves where agents wait so much, of the last call if they are the
+    /// same.
+    fn price(&self, turn: u32, waiting: &[u8]) -> (u32, u64, Arc<Tolls>) {
+        let hash = hash_of(waiting);
+        let kept = self
+            .tolls
+            .iter()
+            .find(|kept| (kept.0, kept.1) == (turn, hash));
+        let tolls = kept.map(|kept| Arc::clone(&kept.2));
+        (
+            turn,
+            hash,
+            tolls.unwrap_or_else(|| Arc::new(self.tolls(turn, waiting))),
+        )
     }
 
     /// Costs of turns, and of moves where agents wait so much, by cell, in units of 1/255.
@@ -339,12 +388,14 @@ pub struct ByStreet<'a> {
     turn: u32,
     traffic: Option<&'a Traffic>,
     /// Costs of moves by the last averages, and by those before, with a hash of the averages.
-    tolls: Vec<(u64, Tolls)>,
+    tolls: Vec<(u64, Arc<Tolls>)>,
     starts: &'a [u32],
     goals: &'a Goals,
     journeys: Vec<Journey>,
     /// Per agent true if there is room for its ways.
     fits: Vec<bool>,
+    /// Agents for whose ways there is none.
+    wanting: usize,
     signals: Option<Signals>,
     /// True once there is no time for more tables.
     late: bool,
@@ -419,8 +470,44 @@ impl ByStreet<'_> {
     /// [`ByStreet::tolls`] they are made of; `None` where there is no
     /// room for the table, or no time to make it.
     pub(crate) fn ways(&mut self, agent: usize, visited: usize) -> Option<(Arc<Ways>, usize)> {
-        let Journey { ways, tolls, .. } = self.journey(agent, visited);
-        ways.map(|ways| (ways, tolls))
+        let known = &self.journeys[agent];
+        let journey = if known.visited == visited && known.ways.is_some() {
+            known.clone()
+        } else {
+            self.journey(agent, visited)
+        };
+        journey.ways.map(|ways| (ways, journey.tolls))
+    }
+
+    /// The distances from some cells to the goal of an agent after so many that it has visited, without
+    /// what streets, turns and crowds cost; `None` where there is room for all that, or for neither.
+    pub(crate) fn distances(
+        &mut self,
+        agent: usize,
+        visited: usize,
+        cells: &[Vertex],
+    ) -> Option<Vec<u32>> {
+        let goal = *self.goals.get(agent)?.get(visited)?;
+        if self.fits[agent] {
+            return None;
+        }
+        let Streets {
+            graph,
+            gradients,
+            tables,
+            ..
+        } = &mut *self.streets;
+        let goal = graph.vertex(goal)?;
+        let bytes = tables.limit() / 2;
+        let gradients = gradients.get_or_insert_with(|| Gradients::new(graph, bytes));
+        if gradients.expect(graph, self.wanting, bytes, &mut || false) != Expected::Ready {
+            return None;
+        }
+        let row = gradients.hold(graph, goal);
+        let steps = cells.iter().map(|&v| gradients.distance(graph, row, v));
+        let steps = steps.collect();
+        gradients.release(row);
+        steps
     }
 
     /// Costs of moves and turns.

@@ -13,25 +13,54 @@ use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 
 use super::Operation;
 use crate::streets::STEP;
-use crate::streets::ways::{Moves, Tolls, Ways, quarters};
+use crate::streets::ways::{FAR, Moves, Tolls, Ways, quarters};
 
 /// Steps of preference in a unit of cost: among equals moves had better come early.
-const PREFERENCE: i64 = 64;
+const PREFERENCE: i32 = 64;
 
 /// The costs of the way to one goal.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Aim<'a> {
     pub(crate) goal: Vertex,
-    /// Costs by move; without them the way is as long as if nothing were in the way.
-    pub(crate) ways: Option<(&'a Ways, &'a Tolls)>,
+    /// Without them the way is as long as if nothing were in the way.
+    pub(crate) costs: Option<Costs<'a>>,
+}
+
+/// Costs of ways to a goal.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Costs<'a> {
+    /// By move.
+    Ways(&'a Ways, &'a Tolls),
+    /// By vertex, in the surroundings of an agent.
+    Near(&'a Near),
+}
+
+/// Costs of the ways from some vertices.
+#[derive(Debug, Clone)]
+pub(crate) struct Near(Vec<(Vertex, u32)>);
+
+impl Near {
+    /// From these vertices, and no others.
+    pub(crate) fn new(costs: impl Iterator<Item = (Vertex, u32)>) -> Self {
+        let mut costs: Vec<_> = costs.collect();
+        costs.sort_unstable();
+        Self(costs)
+    }
+
+    fn from(&self, v: Vertex) -> u32 {
+        let at = self.0.partition_point(|entry| entry.0 < v);
+        let entry = self.0.get(at).filter(|entry| entry.0 == v);
+        entry.map_or(FAR, |entry| entry.1)
+    }
 }
 
 impl Aim<'_> {
     /// The cost of the way from a vertex, for an agent that looks this way, or any way.
     #[inline]
     fn from(&self, graph: &Graph, moves: &Moves, v: Vertex, heading: Option<u8>) -> u32 {
-        match self.ways {
-            Some((ways, tolls)) => ways.from(moves, v, heading, tolls),
+        match self.costs {
+            Some(Costs::Ways(ways, tolls)) => ways.from(moves, v, heading, tolls),
+            Some(Costs::Near(near)) => near.from(v),
             None => graph.manhattan(v, self.goal) * STEP,
         }
     }
@@ -39,16 +68,18 @@ impl Aim<'_> {
     /// The cost of a move, turns not counted.
     #[inline]
     fn toll(&self, moves: &Moves, v: Vertex, d: usize) -> u32 {
-        let tolls = self.ways.map(|(_, tolls)| tolls);
-        let number = moves.away(v, d);
-        // A barred move costs no more than the way on from where it leads.
-        tolls
-            .zip(number)
-            .map_or(STEP, |(tolls, number)| tolls.of(number))
+        match (self.costs, moves.away(v, d)) {
+            (Some(Costs::Ways(_, tolls)), Some(number)) => tolls.of(number),
+            // A barred move costs no more than the way on from where it leads.
+            _ => STEP,
+        }
     }
 
     fn turn(&self) -> u32 {
-        self.ways.map_or(0, |(_, tolls)| tolls.turn())
+        match self.costs {
+            Some(Costs::Ways(_, tolls)) => tolls.turn(),
+            _ => 0,
+        }
     }
 }
 
@@ -259,12 +290,13 @@ impl Maker<'_> {
         }
         // Who wants nothing had better stay.
         let early = match errand.aims {
-            [] => -i64::from(partial.early),
-            _ => i64::from(partial.early),
+            [] => -(partial.early as i32),
+            _ => partial.early as i32,
         };
         Operation {
             cells: partial.cells,
-            loss: i64::from(cost) * PREFERENCE - early,
+            // A way costs less than 2^16, and there are two at most.
+            loss: cost as i32 * PREFERENCE - early,
         }
     }
 }

@@ -12,8 +12,10 @@ use fleetyard_plugin_spacetime::plan::plan_of;
 use fleetyard_plugin_spacetime::problem::{ProblemError, vertex_of, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 
-use super::Team;
-use super::operations::{Aim, Errand, Maker};
+use super::operations::{Aim, Costs, Errand, Maker, Near};
+use super::regions::Regions;
+use super::{MENU, NOBODY, Search, Team};
+use crate::share::share;
 use crate::streets::ways::{FAR, Ways, quarters};
 use crate::streets::{ByStreet, STEP};
 
@@ -49,6 +51,9 @@ pub struct Query<'a> {
     pub rest: Option<&'a GridPlan>,
     /// Decides between equals, and where the search begins.
     pub seed: u64,
+    /// Threads that share the work. The plan does not depend on their number, unless the clock ends
+    /// the search.
+    pub threads: usize,
 }
 
 /// The least and the largest number of actions of an operation.
@@ -102,25 +107,32 @@ pub fn run(
 
 /// An agent under way.
 #[derive(Debug, Clone)]
-struct Agent {
-    at: Vertex,
-    heading: Option<u8>,
-    goals: Vec<Vertex>,
+pub(super) struct Agent {
+    pub(super) at: Vertex,
+    pub(super) heading: Option<u8>,
+    pub(super) goals: Vec<Vertex>,
     /// Goals that it has visited.
-    visited: usize,
+    pub(super) visited: usize,
     /// True if it has to be at its last goal in the end.
-    stays: bool,
+    pub(super) stays: bool,
     /// Costs of the ways to the next goals, where they have been looked up.
-    ways: [Option<(Arc<Ways>, usize)>; AIMS],
+    pub(super) ways: [Option<(Arc<Ways>, usize)>; AIMS],
     known: usize,
+    /// Costs of the ways to the next goal that stand in for these, from the cells around.
+    near: Option<Near>,
+    /// The cost of the way to the next goal.
+    rest: u32,
 }
 
-struct Run<'a, 'b, 's, const D: usize> {
-    graph: &'a Arc<Graph>,
-    streets: &'b mut ByStreet<'s>,
+pub(super) struct Run<'a, 'b, 's, const D: usize> {
+    pub(super) graph: &'a Arc<Graph>,
+    pub(super) streets: &'b mut ByStreet<'s>,
     query: &'a Query<'a>,
-    agents: Vec<Agent>,
+    pub(super) agents: Vec<Agent>,
     team: Team<D>,
+    regions: Regions,
+    /// One per thread.
+    searches: Vec<Search>,
     paths: Vec<Vec<Vertex>>,
 }
 
@@ -157,6 +169,8 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 stays: false,
                 ways: [const { None }; AIMS],
                 known: 0,
+                near: None,
+                rest: 0,
             });
         }
         for agent in &mut agents {
@@ -166,6 +180,10 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         }
         Ok(Self {
             team: Team::new(graph, starts.len(), query.rings),
+            regions: Regions::new(graph, D),
+            searches: (0..query.threads.max(1))
+                .map(|_| Search::new(starts.len()))
+                .collect(),
             paths: starts.iter().map(|&v| vec![v]).collect(),
             graph,
             streets,
@@ -178,8 +196,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         let mut random = Random::new(self.query.seed, 0);
         self.team.shuffle(&mut random);
         let mut kept = self.rest();
-        let tries = self.query.tries;
-        let tries = tries.map(|tries| u64::from(tries) * self.agents.len() as u64);
+        let Query { tries, seed, .. } = *self.query;
         for agent in 0..self.agents.len() {
             self.arrive(agent);
         }
@@ -193,11 +210,12 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
             };
             watch.begin(u32::try_from(left).unwrap_or(u32::MAX));
             self.prepare(&kept)?;
-            let whole = self.team.pass(&mut || watch.stop());
+            let (team, searches) = (&mut self.team, &mut self.searches);
+            let whole = searches[0].pass(team, &mut || watch.stop());
             if whole {
-                self.team.improve(tries, &mut random, &mut || {
-                    watch.stop() || tries.is_none() && watch.pause()
-                });
+                let stop = &mut || watch.stop() || tries.is_none() && watch.pause();
+                let regions = &self.regions;
+                regions.improve(team, searches, tries, (seed, step), &mut random, stop);
             }
             if !whole || left == 1 {
                 self.finish();
@@ -267,37 +285,92 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         agent.known = agent.known.saturating_sub(passed);
     }
 
-    /// Sees to the ways to the next goal of an agent, and to the one after it if it is near.
-    fn look(&mut self, agent: usize) -> Result<(), ProblemError> {
-        loop {
-            let Agent {
-                known,
-                ref goals,
-                visited,
-                ..
-            } = self.agents[agent];
-            let number = visited + known;
-            let next = goals.get(number).copied();
-            if known > 0 {
-                let rest = self.errand(agent, |maker, errand| errand.rest(maker));
-                if rest >= FAR {
-                    return Err(ProblemError::Unreachable {
-                        agent,
-                        from: self.graph.cell(self.agents[agent].at),
-                        goal: self.graph.cell(self.agents[agent].goals[visited]),
-                        limit: FAR / STEP,
-                    });
-                }
-                if rest > D as u32 * STEP {
-                    return Ok(());
-                }
+    /// Sees to the ways to the next goals of all agents, and to those after them where they are near.
+    fn look(&mut self) -> Result<(), ProblemError> {
+        for agent in 0..self.agents.len() {
+            if self.agents[agent].known == 0 {
+                self.learn(agent);
             }
-            if known == AIMS || next.is_none() {
-                return Ok(());
+            self.agents[agent].near = self.near(agent);
+        }
+        let mut occupant = vec![NOBODY; self.graph.len() + 1];
+        for (number, agent) in (0..).zip(&self.agents) {
+            occupant[agent.at as usize] = number;
+        }
+        let mut found = vec![(0, None); self.agents.len()];
+        let chunks = found.chunks_mut(MENU).enumerate();
+        self.share(chunks, |run, (number, found)| {
+            for (agent, found) in (number * MENU..).zip(found) {
+                let rest = run.errand(agent, |maker, errand| errand.rest(maker));
+                *found = (rest, run.aside(agent, &occupant));
             }
-            self.agents[agent].ways[known] = self.streets.ways(agent, number);
+        });
+        for (at, (rest, aside)) in found.into_iter().enumerate() {
+            let agent = &mut self.agents[at];
+            agent.rest = rest;
+            if aside.is_some() {
+                agent.near = aside;
+            }
+            if rest >= FAR {
+                return Err(ProblemError::Unreachable {
+                    agent: at,
+                    from: self.graph.cell(agent.at),
+                    goal: self.graph.cell(agent.goals[agent.visited]),
+                    limit: FAR / STEP,
+                });
+            }
+            if rest <= D as u32 * STEP && (1..AIMS).contains(&agent.known) {
+                self.learn(at);
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks up the ways to the first goal of an agent whose ways are not known.
+    fn learn(&mut self, agent: usize) {
+        let Agent { known, visited, .. } = self.agents[agent];
+        if visited + known < self.agents[agent].goals.len() {
+            self.agents[agent].ways[known] = self.streets.ways(agent, visited + known);
             self.agents[agent].known += 1;
         }
+    }
+
+    /// Distances to the next goal from the cells around an agent for whose ways along streets there is
+    /// no room.
+    fn near(&mut self, agent: usize) -> Option<Near> {
+        let Agent {
+            at,
+            visited,
+            known,
+            ref ways,
+            ..
+        } = self.agents[agent];
+        if known == 0 || ways[0].is_some() {
+            return None;
+        }
+        let mut cells = vec![at];
+        let mut done = 0;
+        for _ in 0..D {
+            for number in std::mem::replace(&mut done, cells.len())..cells.len() {
+                for u in self.graph.neighbors(cells[number]) {
+                    if !cells.contains(&u) {
+                        cells.push(u);
+                    }
+                }
+            }
+        }
+        let steps = self.streets.distances(agent, visited, &cells)?;
+        Some(Near::new(
+            cells
+                .into_iter()
+                .zip(steps.into_iter().map(|steps| steps * STEP)),
+        ))
+    }
+
+    /// Does some work on every item, in all threads.
+    fn share<T>(&self, items: impl Iterator<Item = T> + Send, work: impl Fn(&Self, T) + Sync) {
+        let mut workers = vec![(); self.query.threads.max(1)];
+        share(&mut workers, items, |(), item| work(self, item));
     }
 
     /// Asks about the task of an agent at this moment.
@@ -305,14 +378,16 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         let agent = &self.agents[agent];
         let aim = |number: usize| {
             let ways = agent.ways[number].as_ref();
+            let ways = ways.map(|(ways, tolls)| Costs::Ways(ways, self.streets.tolls(*tolls)));
+            let near = agent.near.as_ref().filter(|_| number == 0);
             Aim {
                 goal: agent.goals[agent.visited + number],
-                ways: ways.map(|(ways, tolls)| (&**ways, self.streets.tolls(*tolls))),
+                costs: near.map(Costs::Near).or(ways),
             }
         };
         let nothing = Aim {
             goal: agent.at,
-            ways: None,
+            costs: None,
         };
         let mut aims = [nothing; AIMS];
         for (number, entry) in aims.iter_mut().enumerate().take(agent.known) {
@@ -329,36 +404,30 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
 
     /// Makes operations for everybody, and gives everybody one to begin with.
     fn prepare(&mut self, kept: &[[Vertex; D]]) -> Result<(), ProblemError> {
-        for agent in 0..self.agents.len() {
-            self.look(agent)?;
-        }
-        let urgency: Vec<u64> = (0..self.agents.len())
-            .map(|at| {
-                let agent = &self.agents[at];
-                // Those who want nothing go last. Without a window everybody else keeps its turn
-                // until it arrives, as in PIBT.
-                let done = agent.is_done();
-                let rest = match self.query.window {
-                    Some(_) => self.errand(at, |maker, errand| errand.rest(maker)),
-                    None => 0,
-                };
-                u64::from(done) << 32 | u64::from(rest)
-            })
-            .collect();
+        self.look()?;
+        let window = self.query.window;
+        let urgency = self.agents.iter().map(|agent| {
+            // Those who want nothing go last. Without a window everybody else keeps its turn
+            // until it arrives, as in PIBT.
+            let rest = if window.is_some() { agent.rest } else { 0 };
+            u64::from(agent.is_done()) << 32 | u64::from(rest)
+        });
+        let urgency: Vec<u64> = urgency.collect();
         let starts: Vec<Vertex> = self.agents.iter().map(|agent| agent.at).collect();
         self.team.begin(&starts, &urgency);
-        let mut list = std::mem::take(self.team.candidates());
-        let (mut first, mut waits) = (Vec::new(), Vec::new());
-        for (agent, kept) in kept.iter().enumerate() {
-            self.errand(agent, |maker, errand| {
-                maker.all(errand, &mut list);
-                first.push(maker.along(errand, kept));
-                waits.push(maker.wait(errand));
-            });
-            self.team.end_candidates(agent, list.len());
-        }
-        *self.team.candidates() = list;
-        self.team.settle(&first, &waits);
+        let mut menus = std::mem::take(self.team.menus());
+        let parts = menus.iter_mut().zip(kept.chunks(MENU)).enumerate();
+        self.share(parts, |run, (number, (menu, kept))| {
+            menu.clear();
+            for (agent, kept) in (number * MENU..).zip(kept) {
+                run.errand(agent, |maker, errand| {
+                    let (kept, wait) = (maker.along(errand, kept), maker.wait(errand));
+                    menu.add(|list| maker.all(errand, list), kept, wait);
+                });
+            }
+        });
+        *self.team.menus() = menus;
+        self.team.settle();
         Ok(())
     }
 
@@ -366,7 +435,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
     fn advance(&mut self) -> Vec<[Vertex; D]> {
         let mut kept = Vec::with_capacity(self.agents.len());
         for at in 0..self.agents.len() {
-            let mut cells = self.team.chosen(at).cells;
+            let mut cells = self.team.chosen(at as u32).cells;
             let first = cells[0];
             let towards = cells.iter().find(|&&v| v != self.agents[at].at);
             let agent = &mut self.agents[at];
@@ -392,14 +461,14 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
     /// Does all actions of everybody's operation.
     fn finish(&mut self) {
         for (at, path) in self.paths.iter_mut().enumerate() {
-            path.extend(self.team.chosen(at).cells);
+            path.extend(self.team.chosen(at as u32).cells);
         }
     }
 }
 
 impl Agent {
     /// True if it has nothing left to do where it is.
-    fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         let left = &self.goals[self.visited..];
         left.is_empty() || self.stays && left == [self.at]
     }

@@ -8,12 +8,12 @@
 //!
 //! | paper | here |
 //! | --- | --- |
-//! | *is swap required?* emulate pushing until the corridor ends | [`Pibt::swap_required`] |
-//! | *is swap possible?* emulate pulling until degree > 2 | [`Pibt::swap_possible`] |
-//! | neighbours that count in the emulation | [`Pibt::exits`] |
+//! | *is swap required?* emulate pushing until the corridor ends | [`Corridors::swap_required`] |
+//! | *is swap possible?* emulate pulling until degree > 2 | [`Corridors::way_back`] |
+//! | neighbours that count in the emulation | [`Corridors::exits`] |
 //! | the case of an agent behind, at a cell of degree > 2 | the loop in [`Pibt::swap_partner`] |
 
-use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 
 use super::{NOBODY, Pibt, UNDECIDED, Wishes};
 
@@ -23,6 +23,27 @@ enum Exits {
     None,
     One(Vertex),
     Several,
+}
+
+/// Where agents want to go, as far as it matters for who gives way.
+pub(crate) trait Will {
+    /// True if `a` is nearer to where `agent` wants to be than its neighbour `b`.
+    fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
+    /// True if `agent` at `b` has nothing against changing places with whoever is at `a`.
+    #[inline]
+    fn willing(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool {
+        self.nearer(graph, agent, a, b)
+    }
+    /// True if `v` is where `agent` wants to stay.
+    fn rests(&self, agent: usize, v: Vertex) -> bool;
+}
+
+/// Corridors, and the agents that stand in them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corridors<'a> {
+    pub(crate) graph: &'a Graph,
+    /// The agent in each vertex.
+    pub(crate) occupant: &'a [u32],
 }
 
 impl Pibt<'_> {
@@ -38,10 +59,14 @@ impl Pibt<'_> {
             return NOBODY;
         }
         let occupant = self.occupant[first as usize];
+        let corridors = Corridors {
+            graph: self.graph,
+            occupant: &self.occupant,
+        };
         if occupant != NOBODY
             && self.to[occupant as usize] == UNDECIDED
-            && self.swap_required(agent, occupant, here, first, wishes)
-            && self.swap_possible(first, here, wishes)
+            && corridors.swap_required(agent, occupant, here, first, wishes)
+            && corridors.way_back(first, here, wishes, |_| {})
         {
             return occupant;
         }
@@ -50,24 +75,26 @@ impl Pibt<'_> {
             let other = self.occupant[behind as usize];
             if other != NOBODY
                 && behind != first
-                && self.swap_required(other, agent, here, first, wishes)
-                && self.swap_possible(first, here, wishes)
+                && corridors.swap_required(other, agent, here, first, wishes)
+                && corridors.way_back(first, here, wishes, |_| {})
             {
                 return other;
             }
         }
         NOBODY
     }
+}
 
+impl Corridors<'_> {
     /// True if `pusher`, following `puller` along a corridor, would stand in its way
     /// at the end of it.
-    fn swap_required(
+    pub(crate) fn swap_required(
         &self,
         pusher: u32,
         puller: u32,
         pusher_at: Vertex,
         puller_at: Vertex,
-        wishes: &mut impl Wishes,
+        wishes: &mut impl Will,
     ) -> bool {
         let (pusher, puller) = (pusher as usize, puller as usize);
         let (mut behind, mut ahead) = (pusher_at, puller_at);
@@ -102,18 +129,21 @@ impl Pibt<'_> {
         true
     }
 
-    /// True if pulling leads from `ahead` to a place wide enough to change places.
-    fn swap_possible(
+    /// True if pulling leads to a place wide enough to change places. Tells the cells on the way there,
+    /// which begins with that of the puller and ends with that place.
+    pub(crate) fn way_back(
         &self,
         pusher_at: Vertex,
         puller_at: Vertex,
-        wishes: &mut impl Wishes,
+        wishes: &impl Will,
+        mut tell: impl FnMut(Vertex),
     ) -> bool {
         let (mut behind, mut ahead) = (pusher_at, puller_at);
         for _ in 0..self.graph.len() {
             if ahead == pusher_at {
                 return false;
             }
+            tell(ahead);
             match self.exits(ahead, behind, wishes) {
                 Exits::Several => return true,
                 Exits::None => return false,
@@ -129,7 +159,7 @@ impl Pibt<'_> {
     /// Ways on from `v` when coming from `back`. A dead end whose occupant is at its
     /// goal is no way.
     #[inline]
-    fn exits(&self, v: Vertex, back: Vertex, wishes: &impl Wishes) -> Exits {
+    fn exits(&self, v: Vertex, back: Vertex, wishes: &impl Will) -> Exits {
         if self.graph.is_open(v) {
             return Exits::Several;
         }

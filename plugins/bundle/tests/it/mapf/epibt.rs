@@ -16,6 +16,7 @@ const MANNER: Manner = Manner {
     horizon: 4,
     tries: Some(5),
     window: 1,
+    threads: 1,
 };
 
 /// Asks the plugin, made with options, in so many seconds. Gives the last plan as well.
@@ -207,6 +208,83 @@ fn a_number_of_tries_gives_the_same_plan_again() {
 }
 
 #[test]
+fn threads_do_not_matter_where_regions_are_improved_at_the_same_time() {
+    let map = Case::square(120, 1, 3, 2).map;
+    for (turning, rings) in [(false, true), (false, false), (true, false)] {
+        let drive = |threads, tries| {
+            let mut floor = Floor::new(map.clone(), 3000, turning, 1, 0, 5);
+            floor.case.instance.allows_cycles = rings;
+            let manner = Manner {
+                horizon: 3 + usize::from(turning),
+                tries: Some(tries),
+                window: 1,
+                threads,
+            };
+            floor.drive(3, manner);
+            floor.case.instance.starts
+        };
+        let one = drive(1, 5);
+        assert_eq!(drive(3, 5), one);
+        assert_ne!(drive(2, 0), one, "the search finds something");
+    }
+}
+
+/// A corridor that is closed at both ends, with one bay far from where two agents meet.
+#[test]
+fn one_of_two_in_a_corridor_steps_aside() {
+    let map = grid::drawn(&["............", "@@.@@@@@@@@@"]);
+    for turning in [false, true] {
+        for (first, second) in [(6, 8), (8, 6), (7, 9)] {
+            let mut floor = Floor::new(map.clone(), 2, turning, 1, 0, 1);
+            floor.case.instance.starts = vec![first.min(second), first.max(second)];
+            let mut goals = vec![vec![11], vec![0]];
+            floor.case.instance.goals = grid::goals(&goals);
+            let manner = Manner {
+                horizon: 3 + usize::from(turning),
+                tries: Some(u32::from(first < second) * 5),
+                ..MANNER
+            };
+            let mut steps = 0;
+            while goals.iter().any(|list| !list.is_empty()) {
+                let (plan, _) = floor.plan(manner, &mut Patient);
+                assert_eq!(floor.judge(&plan), Ok(()));
+                floor.follow(&plan);
+                let starts = &floor.case.instance.starts;
+                for (list, at) in goals.iter_mut().zip(starts) {
+                    list.retain(|goal| goal != at);
+                }
+                floor.case.instance.goals = grid::goals(&goals);
+                steps += 1;
+                assert!(steps < 80, "{starts:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn where_tables_do_not_fit_ways_are_the_shortest_all_the_same() {
+    // Straight on there is a dead end.
+    let map = grid::drawn(&["........", ".@@@@@@.", ".......@", ".@@@@@@.", "........"]);
+    for turning in [false, true] {
+        let mut floor = Floor::new(map.clone(), 1, turning, 1, 0, 1).within(5000);
+        floor.case.instance.starts = vec![20];
+        floor.case.instance.goals = grid::goals(&[vec![31]]);
+        let manner = Manner {
+            horizon: 3 + usize::from(turning),
+            ..MANNER
+        };
+        assert_eq!(floor.streets.bytes(), 0);
+        let mut steps = 0;
+        while floor.case.instance.starts != [31] {
+            floor.drive(1, manner);
+            steps += 1;
+            assert!(steps < 25);
+        }
+        assert_eq!(floor.streets.bytes(), 0);
+    }
+}
+
+#[test]
 fn without_a_number_of_tries_time_is_used_up() {
     let case = Case::square(14, 60, 3, 2);
     let goals: Vec<Vec<u32>> = case.instance.goals.iter().map(<[u32]>::to_vec).collect();
@@ -227,6 +305,7 @@ fn reached(map: &GridEnvironment, agents: usize, turning: bool, steps: u32) -> [
             horizon: 3 + usize::from(turning),
             tries: Some(tries),
             window: 1,
+            threads: 1,
         };
         Floor::new(map.clone(), agents, turning, 1, 0, 1).drive(steps, manner)
     })
@@ -276,7 +355,7 @@ proptest! {
             floor.case.instance.headings = Some((0..agents as u64).map(look).collect());
         }
         let horizon = horizon + usize::from(turning);
-        let manner = Manner { horizon, tries: Some(tries), window };
+        let manner = Manner { horizon, tries: Some(tries), window, threads: 1 + seed as usize % 3 };
         for _ in 0..rounds {
             let (plan, end) = if stopped == 0 {
                 floor.plan(manner, &mut Hasty)

@@ -56,6 +56,7 @@ pub(crate) struct Manner {
     pub(crate) horizon: usize,
     pub(crate) tries: Option<u32>,
     pub(crate) window: u32,
+    pub(crate) threads: usize,
 }
 
 impl Floor {
@@ -97,6 +98,12 @@ impl Floor {
         floor
     }
 
+    /// With so many bytes for tables.
+    pub(crate) fn within(mut self, bytes: u64) -> Self {
+        self.streets = Streets::new(&self.graph, 0, 1.0, bytes);
+        self
+    }
+
     fn draw(&mut self, agent: usize) -> u32 {
         let number = (agent as u64) << 32 | self.given[agent];
         self.given[agent] += 1;
@@ -116,6 +123,7 @@ impl Floor {
                 quarter_s: f64::from(u8::from(turning)),
             },
             traffic: None,
+            threads: manner.threads,
         };
         let mut streets = self.streets.ranking(journeys, &mut || watch.pause());
         let query = Query {
@@ -130,6 +138,7 @@ impl Floor {
             rings: instance.allows_cycles,
             rest: self.rest.as_ref(),
             seed: grid::mix(self.seed ^ self.step << 20),
+            threads: manner.threads,
         };
         run(&self.graph, &mut streets, &query, watch).expect("goals are in reach")
     }

@@ -42,6 +42,7 @@ fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
         headings: None,
         turning: Turning::default(),
         traffic: None,
+        threads: 1,
     }
 }
 
