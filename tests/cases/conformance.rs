@@ -152,6 +152,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("pibt", "--kind planner"),
     ("epibt", IN_WORKER),
     ("epibt", IN_HOST),
+    ("wppl", IN_WORKER),
+    ("wppl", IN_HOST),
     ("empty", IN_HOST),
     ("cbs", IN_WORKER),
     ("ecbs", IN_HOST),

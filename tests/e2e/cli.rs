@@ -452,6 +452,7 @@ fn plugins_are_listed_and_described() {
             "lacam",
             "pibt",
             "epibt",
+            "wppl",
             "pp",
             "pbs",
             "mapf-lns2",

@@ -3,7 +3,7 @@
 
 use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
-use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt};
+use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
@@ -17,6 +17,7 @@ fleetyard_abi::export! {
         Lacam,
         Pibt,
         Epibt,
+        Wppl,
         Prioritized,
         PriorityBasedSearch,
         MapfLns2,

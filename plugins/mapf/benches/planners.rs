@@ -13,7 +13,7 @@ use fleetyard_abi::{Goals, GridEnvironment, Instance};
 use fleetyard_plugin_mapf::lifelong::{ByDistance, Lifelong, Query};
 use fleetyard_plugin_mapf::{Algorithm, Options};
 use fleetyard_testkit::{Case, grid};
-use floor::{Floor, Manner};
+use floor::{Floor, Manner, Planner};
 use support::Patient;
 
 /// A square map with scattered obstacles; starts and goals spread by multiplication.
@@ -122,6 +122,7 @@ fn steps(criterion: &mut Criterion) {
                 tries: Some(tries),
                 window: 1,
                 threads: 1,
+                planner: Planner::Epibt,
             };
             let map = instance(side, agents).map;
             let mut floor = Floor::new(map, agents, true, 1, 0, 1);

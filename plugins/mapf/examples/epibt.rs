@@ -1,5 +1,5 @@
-//! A fleet driven by EPIBT, which does the first step of each plan exactly, with goals drawn at
-//! random: `epibt MAP AGENTS [STEPS [TRIES [LANE_CHARGE [GOALS_KNOWN]]]] [--pebbles]`.
+//! A fleet driven by EPIBT, or WPPL, which does the first step of each plan exactly, with goals drawn
+//! at random: `epibt MAP AGENTS [STEPS [TRIES [LANE_CHARGE [GOALS_KNOWN]]]] [--pebbles] [--wppl=DEPTH]`.
 //!
 //! Says how many goals are reached and how long a step takes.
 
@@ -11,15 +11,25 @@ use fleetyard_testkit::grid;
 #[path = "../../bundle/tests/it/mapf/floor.rs"]
 mod floor;
 
-use floor::{Floor, Manner, Patient};
+use floor::{Floor, Manner, Patient, Planner};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let given: Vec<String> = std::env::args().skip(1).collect();
     let (flags, given): (Vec<String>, Vec<String>) =
         given.into_iter().partition(|word| word.starts_with("--"));
     let turning = !flags.iter().any(|flag| flag == "--pebbles");
+    let depth = flags.iter().find_map(|flag| flag.strip_prefix("--wppl="));
+    let planner = match depth {
+        Some(depth) => Planner::Wppl {
+            depth: depth.parse()?,
+        },
+        None => Planner::Epibt,
+    };
     let [map, agents, rest @ ..] = &given[..] else {
-        return Err("MAP AGENTS [STEPS [TRIES [LANE_CHARGE [GOALS_KNOWN]]]] [--pebbles]".into());
+        return Err(
+            "MAP AGENTS [STEPS [TRIES [LANE_CHARGE [GOALS_KNOWN]]]] [--pebbles] [--wppl=DEPTH]"
+                .into(),
+        );
     };
     let number = |at: usize, default: u32| -> Result<u32, Box<dyn Error>> {
         Ok(rest.get(at).map_or(Ok(default), |text| text.parse())?)
@@ -30,6 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tries: Some(number(1, 5)?),
         window: 1,
         threads: 1,
+        planner,
     };
     let (charge, known) = (number(2, 0)?, number(3, 1)?);
     let text = std::fs::read_to_string(map)?;

@@ -51,6 +51,7 @@ mod scatter;
 mod share;
 mod solve;
 pub mod streets;
+pub mod wppl;
 
 pub use fleetyard_plugin_spacetime::problem::ProblemError;
 pub use solve::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};

@@ -22,7 +22,7 @@ use fleetyard_abi::{Goals, GridPlan, Heading, Lists};
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::plan::{paths_of, plan_of};
-use fleetyard_plugin_spacetime::problem::{ProblemError, vertex_of, vertices_of};
+use fleetyard_plugin_spacetime::problem::{ProblemError, goals_of, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
 
 use crate::pibt::swap::Will;
@@ -165,13 +165,7 @@ impl Lifelong {
             return Err(ProblemError::Malformed { reason });
         }
         let starts = vertices_of(graph, query.starts, "start")?;
-        let mut goals = Lists::with_capacity(query.goals.len(), query.goals.items().len());
-        for (agent, cells) in query.goals.iter().enumerate() {
-            for &cell in cells {
-                goals.push_item(vertex_of(graph, agent, "goal", cell)?);
-            }
-            goals.end_list();
-        }
+        let goals = goals_of(graph, query.goals)?;
         let mut fleet = Fleet {
             graph,
             gradients: &mut self.gradients,

@@ -1,4 +1,6 @@
-//! The planners behind the plugin contract: ids `lacam`, `pibt` and `epibt`.
+//! The planners behind the plugin contract: ids `lacam`, `pibt`, `epibt` and `wppl`.
+
+mod wppl;
 
 use std::sync::Arc;
 
@@ -14,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::epibt::run::{self as epibt, Watch as _};
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
-use crate::streets::{Journeys, Streets, Turning};
+use crate::streets::{ByStreet, Journeys, Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
 /// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
@@ -31,8 +33,10 @@ const RETRIES: u32 = 8;
 
 /// Tries of `epibt` in each step, for each agent.
 const TRIES: u32 = 5;
-/// Steps of `epibt` without a window.
-const EPIBT_STEPS: u64 = 10_000;
+/// Steps of `epibt` and `wppl` without a window.
+const MOVING_STEPS: u64 = 10_000;
+
+pub use self::wppl::WpplOptions;
 
 /// LaCAM*: complete, anytime.
 pub type Lacam = Team<LacamOptions>;
@@ -42,6 +46,9 @@ pub type Pibt = Team<PibtOptions>;
 
 /// EPIBT: a few steps at a time, for robots that turn as well.
 pub type Epibt = Team<EpibtOptions>;
+
+/// WPPL: windows of paths that a search makes better, for robots that turn as well.
+pub type Wppl = Team<WpplOptions>;
 
 /// Options of `lacam`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -202,7 +209,7 @@ impl Default for EpibtOptions {
         Self {
             horizon: None,
             tries: Some(TRIES),
-            step_limit: EPIBT_STEPS,
+            step_limit: MOVING_STEPS,
             lane_charge: LANE_CHARGE,
         }
     }
@@ -236,14 +243,7 @@ impl Method for EpibtOptions {
     }
 
     fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Block, Failure> {
-        let graph = Arc::new(graph_of(grid)?);
-        let bytes = half_of_memory(budget);
-        Ok(Block {
-            streets: Streets::new(&graph, self.lane_charge.into(), grid.step_s, bytes),
-            graph,
-            size: [grid.rows, grid.cols],
-            step_s: grid.step_s,
-        })
+        Block::learn(grid, budget, self.lane_charge)
     }
 
     fn solve(
@@ -252,71 +252,83 @@ impl Method for EpibtOptions {
         instance: &Instance,
         call: &Call<'_>,
     ) -> Result<(), Failure> {
-        let turning = match instance.motion {
-            Motion::Pebble => false,
-            Motion::Rotation => true,
-            _ => {
-                let what = "motion other than pebbles' and with turns is";
-                return Err(ProblemError::Unsupported { what }.into());
-            }
-        };
-        let headings = instance.headings.as_deref();
-        let mut turn = Turning::of(instance);
-        if turning {
-            turn.quarter_s = turn.quarter_s.max(block.step_s);
-        }
-        let journeys = Journeys {
-            starts: &instance.starts,
-            goals: &instance.goals,
-            headings,
-            turning: turn,
-            // Several steps ahead crowds are seen for themselves.
-            traffic: None,
-            threads: call.budget.threads as usize,
-        };
-        let failure = |status, reason: &str| Err(Failure::new(status, reason));
-        // Half of the time for tables, so that the first call of many agents has a plan as well; what
-        // was made is kept to the next call.
-        let mut clock = Clock { call, until_ns: 0 };
-        clock.begin(2);
-        let mut pause = || clock.pause() || call.stop();
-        let mut by_street = block.streets.ranking(journeys, &mut pause);
-        let [rows, cols] = block.size;
-        let rest = instance.rest_of_plan();
-        let rest = rest.and_then(|rest| rest.plan(&instance.starts, rows, cols).ok());
+        let turning = turns(instance)?;
+        let journeys = block.journeys(instance, turning, call.budget.threads);
+        let rest = block.rest(instance);
         let query = epibt::Query {
-            starts: &instance.starts,
-            goals: &instance.goals,
-            headings,
-            turning,
-            window: (instance.window_steps > 0).then_some(instance.window_steps),
             step_limit: self.step_limit,
             horizon: self.horizon.map_or(3 + usize::from(turning), usize::from),
             tries: self.tries,
-            rings: instance.allows_cycles,
-            rest: rest.as_ref(),
-            seed: call.budget.seed,
-            threads: call.budget.threads as usize,
+            ..first_query(instance, turning, rest.as_ref(), call)
         };
+        let mut clock = Clock { call, until_ns: 0 };
+        let mut by_street = clock.ranking(&mut block.streets, journeys);
         let (plan, end) = epibt::run(&block.graph, &mut by_street, &query, &mut clock)?;
-        if end == epibt::End::Done || query.window.is_some() {
-            call.submit(&plan);
-        }
-        match end {
-            epibt::End::Done => Ok(()),
-            epibt::End::Stopped => failure(
-                Status::TimedOut,
-                "the budget ended before everybody had chosen",
-            ),
-            epibt::End::Steps => failure(
-                Status::GaveUp,
-                "not everybody arrived within the step limit; the planner is not complete",
-            ),
+        answer(&plan, end, instance, call)
+    }
+}
+
+/// True for robots that take a step to turn, false for pebbles.
+fn turns(instance: &Instance) -> Result<bool, ProblemError> {
+    match instance.motion {
+        Motion::Pebble => Ok(false),
+        Motion::Rotation => Ok(true),
+        _ => {
+            let what = "motion other than pebbles' and with turns is";
+            Err(ProblemError::Unsupported { what })
         }
     }
 }
 
-/// Data that `epibt` keeps between calls.
+/// What EPIBT is asked for an instance, without tries.
+fn first_query<'a>(
+    instance: &'a Instance,
+    turning: bool,
+    rest: Option<&'a GridPlan>,
+    call: &Call<'_>,
+) -> epibt::Query<'a> {
+    epibt::Query {
+        starts: &instance.starts,
+        goals: &instance.goals,
+        visited: &[],
+        headings: instance.headings.as_deref(),
+        turning,
+        window: (instance.window_steps > 0).then_some(instance.window_steps),
+        step_limit: MOVING_STEPS,
+        horizon: 3 + usize::from(turning),
+        tries: Some(0),
+        rings: instance.allows_cycles,
+        rest,
+        seed: call.budget.seed,
+        threads: call.budget.threads as usize,
+    }
+}
+
+/// Hands over a plan, and says how it ended.
+fn answer(
+    plan: &GridPlan,
+    end: epibt::End,
+    instance: &Instance,
+    call: &Call<'_>,
+) -> Result<(), Failure> {
+    if end == epibt::End::Done || instance.window_steps > 0 {
+        call.submit(plan);
+    }
+    let failure = |status, reason: &str| Err(Failure::new(status, reason));
+    match end {
+        epibt::End::Done => Ok(()),
+        epibt::End::Stopped => failure(
+            Status::TimedOut,
+            "the budget ended before everybody had chosen",
+        ),
+        epibt::End::Steps => failure(
+            Status::GaveUp,
+            "not everybody arrived within the step limit; the planner is not complete",
+        ),
+    }
+}
+
+/// Data that `epibt` and `wppl` keep between calls.
 pub struct Block {
     graph: Arc<Graph>,
     streets: Streets,
@@ -325,10 +337,55 @@ pub struct Block {
     step_s: f64,
 }
 
+impl Block {
+    fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u16) -> Result<Self, Failure> {
+        let graph = Arc::new(graph_of(grid)?);
+        let bytes = half_of_memory(budget);
+        Ok(Self {
+            streets: Streets::new(&graph, lane_charge.into(), grid.step_s, bytes),
+            graph,
+            size: [grid.rows, grid.cols],
+            step_s: grid.step_s,
+        })
+    }
+
+    fn journeys<'a>(&self, instance: &'a Instance, turning: bool, threads: u32) -> Journeys<'a> {
+        let mut turn = Turning::of(instance);
+        if turning {
+            turn.quarter_s = turn.quarter_s.max(self.step_s);
+        }
+        Journeys {
+            starts: &instance.starts,
+            goals: &instance.goals,
+            headings: instance.headings.as_deref(),
+            turning: turn,
+            // Several steps ahead crowds are seen for themselves.
+            traffic: None,
+            threads: threads as usize,
+        }
+    }
+
+    /// The rest of the last plan, if there is one on this map.
+    fn rest(&self, instance: &Instance) -> Option<GridPlan> {
+        let [rows, cols] = self.size;
+        let rest = instance.rest_of_plan()?;
+        rest.plan(&instance.starts, rows, cols).ok()
+    }
+}
+
 /// The time of a call, shared out among its steps.
 struct Clock<'a> {
     call: &'a Call<'a>,
     until_ns: u64,
+}
+
+impl Clock<'_> {
+    /// Makes ready for a fleet. Half of the time is for tables, so that the first call of many agents
+    /// has a plan as well; what was made is kept to the next call.
+    fn ranking<'s>(&mut self, streets: &'s mut Streets, journeys: Journeys<'s>) -> ByStreet<'s> {
+        self.begin(2);
+        streets.ranking(journeys, &mut || self.pause() || self.call.stop())
+    }
 }
 
 impl epibt::Watch for Clock<'_> {

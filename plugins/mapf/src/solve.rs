@@ -10,7 +10,7 @@ use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::plan::{Paths, configurations_of, paths_of, plan_of, sum_of_costs};
 use fleetyard_plugin_spacetime::problem::{ProblemError, vertices_of};
 use fleetyard_plugin_spacetime::random::Random;
-use fleetyard_plugin_spacetime::refine::Refiner;
+use fleetyard_plugin_spacetime::refine::{Refiner, Shortest};
 
 /// The algorithm that plans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -341,16 +341,16 @@ impl<'g> Run<'_, 'g> {
             rings,
             ..
         } = *self.options;
-        let paths = self.paths();
-        let mut refiner = Refiner::new(self.graph, self.goals, paths, rings, threads, self.seed);
+        let (graph, goals, seed) = (self.graph, self.goals, self.seed);
+        let mut refiner = Refiner::new(graph, goals, self.paths(), rings, threads, seed);
         let (mut searching, mut search_work, mut refine_work) = (true, 0, 0);
         let mut idle = 0;
         let mut inserted = false;
         let mut reported = 0;
         while self.sum() > self.lower_bound && (searching || refine) {
             if refine {
-                let round =
-                    refiner.round(&distances.team(self.goals), &mut || self.observer.stop());
+                let team = &distances.team(goals);
+                let round = refiner.round(&Shortest { goals, team }, &mut || self.observer.stop());
                 if self.spend(round.attempts.max(1)).is_some() {
                     return;
                 }

@@ -4,7 +4,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use fleetyard_plugin_neighborhood::repair::{Control, repair};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
-use fleetyard_plugin_spacetime::refine::Refiner;
+use fleetyard_plugin_spacetime::refine::{Refiner, Shortest};
 use fleetyard_testkit::Case;
 
 /// Rounds of improvement.
@@ -49,8 +49,11 @@ fn planners(criterion: &mut Criterion) {
         group.bench_with_input(id, &problem, |bencher, problem| {
             bencher.iter(|| {
                 let mut refiner = Refiner::new(&problem.graph, &goals, first.clone(), false, 1, 0);
-                let gains =
-                    (0..ROUNDS).map(|_| refiner.round(&problem.routes[..], &mut || false).gain);
+                let shortest = Shortest {
+                    goals: &goals,
+                    team: &problem.routes[..],
+                };
+                let gains = (0..ROUNDS).map(|_| refiner.round(&shortest, &mut || false).gain);
                 gains.sum::<u64>()
             });
         });

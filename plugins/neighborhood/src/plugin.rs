@@ -6,7 +6,7 @@ use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plan::sum_of_costs;
 use fleetyard_plugin_spacetime::plugin::{Call, MEMORY, Method, Team};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
-use fleetyard_plugin_spacetime::refine::Refiner;
+use fleetyard_plugin_spacetime::refine::{Refiner, Shortest};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -160,9 +160,13 @@ fn improve(problem: &Problem, first: Repaired, call: &Call<'_>, control: &mut Co
         call.budget.threads as usize,
         call.budget.seed,
     );
+    let shortest = Shortest {
+        goals: &goals,
+        team: &problem.routes[..],
+    };
     let (mut work, mut told) = (0, cost);
     while cost > lower_bound && control.nodes > 0 {
-        let round = refiner.round(&problem.routes[..], control.stop);
+        let round = refiner.round(&shortest, control.stop);
         cost -= round.gain;
         control.nodes = control.nodes.saturating_sub(round.attempts.max(1));
         work += round.work;

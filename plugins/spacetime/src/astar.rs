@@ -16,6 +16,7 @@ use std::collections::{BinaryHeap, VecDeque};
 use crate::conflict::FOREVER;
 use crate::constraints::Constraints;
 use crate::graph::Vertex;
+use crate::known::{Known, NONE};
 use crate::pose::{MOVES, Pose, Poses};
 use crate::problem::Route;
 use crate::sipp::Guidance;
@@ -25,7 +26,6 @@ use crate::traffic::Traffic;
 const PATIENCE: u32 = 512;
 /// Most states of one search: 1 GiB.
 const MOST_STATES: usize = 1 << 25;
-const NONE: u32 = u32::MAX;
 
 /// The input of a search.
 pub struct Query<'a> {
@@ -376,77 +376,26 @@ impl Query<'_> {
     }
 }
 
-/// The known state of each pose, time and stage: open addressing, emptied by counting on.
+/// The known state of each pose, time and stage.
 #[derive(Debug, Clone, Default)]
 struct Table {
-    slots: Vec<Slot>,
-    filled: usize,
-    search: u32,
+    known: Known,
     poses: u64,
     stages: u64,
     still: u32,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
-struct Slot {
-    key: u64,
-    state: u32,
-    /// Number of the search that filled the slot.
-    search: u32,
-}
-
 impl Table {
     fn begin(&mut self, poses: u64, stages: u64, still: u32) {
         (self.poses, self.stages, self.still) = (poses, stages, still);
-        self.filled = 0;
-        if self.slots.is_empty() || self.search == u32::MAX {
-            self.slots = vec![Slot::default(); self.slots.len().max(1 << 12)];
-            self.search = 0;
-        }
-        self.search += 1;
+        self.known.begin();
     }
 
     /// The entry of a state; [`NONE`] where there was none.
     #[inline]
     fn entry(&mut self, state: &State) -> &mut u32 {
-        if self.filled * 2 >= self.slots.len() {
-            self.grow();
-        }
         let time = u64::from(state.time.min(self.still));
         let place = time * self.stages + u64::from(state.stage);
-        let key = place * self.poses + u64::from(state.pose);
-        let at = self.find(key);
-        let slot = &mut self.slots[at];
-        if slot.search != self.search {
-            *slot = Slot {
-                key,
-                state: NONE,
-                search: self.search,
-            };
-            self.filled += 1;
-        }
-        &mut slot.state
-    }
-
-    #[inline]
-    fn find(&self, key: u64) -> usize {
-        let mask = self.slots.len() - 1;
-        let bits = self.slots.len().trailing_zeros();
-        let mut at = (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - bits)) as usize;
-        while self.slots[at].search == self.search && self.slots[at].key != key {
-            at = (at + 1) & mask;
-        }
-        at
-    }
-
-    #[cold]
-    fn grow(&mut self) {
-        let bigger = vec![Slot::default(); self.slots.len() * 2];
-        for slot in std::mem::replace(&mut self.slots, bigger) {
-            if slot.search == self.search {
-                let at = self.find(slot.key);
-                self.slots[at] = slot;
-            }
-        }
+        self.known.entry(place * self.poses + u64::from(state.pose))
     }
 }

@@ -25,6 +25,16 @@ pub fn direction(heading: Heading) -> u8 {
     }
 }
 
+/// The heading of a direction.
+pub fn heading(direction: u8) -> Heading {
+    match usize::from(direction) % DIRECTIONS {
+        0 => Heading::North,
+        1 => Heading::East,
+        2 => Heading::South,
+        _ => Heading::West,
+    }
+}
+
 /// Passable cells and their neighbours.
 ///
 /// A missing neighbour is the sentinel [`Graph::wall`], one past the last vertex,

@@ -22,6 +22,7 @@
 //! - [`pose::Poses`]: cells, or cells and headings, and the steps between them;
 //! - [`constraints::Constraints`]: what an agent may not do;
 //! - [`astar::Astar`]: the low level of constraint-tree searches;
+//! - [`known::Known`]: the states that a search has met;
 //! - [`plan`]: paths, configurations, plans;
 //! - [`plugin`]: what planners say alike behind the plugin contract.
 #![forbid(unsafe_code)]
@@ -33,6 +34,7 @@ pub mod digraph;
 pub mod distance;
 pub mod gradient;
 pub mod graph;
+pub mod known;
 pub mod labels;
 pub mod lanes;
 pub mod neighborhood;

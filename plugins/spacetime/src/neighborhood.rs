@@ -8,7 +8,6 @@
 use crate::graph::{Graph, Vertex};
 use crate::plan::Paths;
 use crate::random::Random;
-use crate::sipp::Team;
 
 /// The rule by which a neighbourhood is chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,11 +22,19 @@ pub enum Kind {
     Random,
 }
 
-/// All kinds.
-pub const KINDS: [Kind; 4] = [Kind::Delay, Kind::Place, Kind::Goal, Kind::Random];
+/// What the paths of a team cost, and what they could cost.
+pub trait Standing {
+    /// Cost by which the path of an agent exceeds the one that it would have alone.
+    fn delay(&self, agent: usize) -> usize;
+
+    /// True if an agent could be at `v` at this time on a path that costs less than its own.
+    fn gains(&self, agent: usize, v: Vertex, time: usize) -> bool;
+}
 
 /// Walks tried to find agents in the way.
 const WALKS: usize = 12;
+/// Agents that are delayed more are chosen no more often.
+const MOST_DELAY: usize = 1 << 16;
 
 /// Chooses neighbourhoods; keeps, for each vertex, the agents that pass.
 #[derive(Debug)]
@@ -46,7 +53,8 @@ pub struct Chooser<'g> {
 }
 
 impl<'g> Chooser<'g> {
-    /// For a team on its paths.
+    /// For a team on its paths, each of which ends at the goal for good. Without goals there are no
+    /// neighbourhoods around them ([`Kind::Goal`]).
     pub fn new(graph: &'g Graph, goals: &[Vertex], paths: &Paths) -> Self {
         let mut owners = vec![u32::MAX; graph.len()];
         for (agent, &goal) in goals.iter().enumerate() {
@@ -57,7 +65,7 @@ impl<'g> Chooser<'g> {
             goals: goals.to_vec(),
             visits: vec![Vec::new(); graph.len()],
             owners,
-            taken: vec![false; goals.len()],
+            taken: vec![false; paths.len()],
             members: Vec::new(),
             seen: vec![0; graph.len()],
             stamp: 0,
@@ -105,7 +113,7 @@ impl<'g> Chooser<'g> {
         kind: Kind,
         size: usize,
         paths: &Paths,
-        team: &(impl Team + ?Sized),
+        standing: &impl Standing,
         random: &mut Random,
     ) -> Vec<u32> {
         self.members.clear();
@@ -118,40 +126,35 @@ impl<'g> Chooser<'g> {
             }
             return std::mem::take(&mut self.members);
         }
-        let Some(seed) = self.delayed(paths, team, random) else {
+        let Some(seed) = self.delayed(standing, random) else {
             return Vec::new();
         };
         self.take(seed);
         match kind {
-            Kind::Delay => self.in_the_way(seed, size, paths, team, random),
+            Kind::Delay => self.in_the_way(seed, size, paths, standing, random),
             Kind::Place => self.around_path(seed, size, paths, random),
-            Kind::Goal => self.around_goal(seed, size, paths, team, random),
+            Kind::Goal => self.around_goal(seed, size, paths, standing, random),
             Kind::Random => {}
         }
         std::mem::take(&mut self.members)
     }
 
     /// A free agent, with probability in proportion to its delay.
-    fn delayed(
-        &self,
-        paths: &Paths,
-        team: &(impl Team + ?Sized),
-        random: &mut Random,
-    ) -> Option<u32> {
+    fn delayed(&self, standing: &impl Standing, random: &mut Random) -> Option<u32> {
         let delay = |agent: usize| {
-            let path = &paths[agent];
             if self.taken[agent] {
                 0
             } else {
-                path.len() - 1 - team.distance(agent, path[0]) as usize
+                standing.delay(agent).min(MOST_DELAY)
             }
         };
-        let total: usize = (0..paths.len()).map(delay).sum();
+        let agents = self.taken.len();
+        let total: usize = (0..agents).map(delay).sum();
         if total == 0 {
             return None;
         }
         let mut left = random.below(total);
-        (0..paths.len())
+        (0..agents)
             .find(|&agent| {
                 let delay = delay(agent);
                 if left < delay {
@@ -169,11 +172,11 @@ impl<'g> Chooser<'g> {
         seed: u32,
         size: usize,
         paths: &Paths,
-        team: &(impl Team + ?Sized),
+        standing: &impl Standing,
         random: &mut Random,
     ) {
         let path = &paths[seed as usize];
-        let cost = path.len() - 1;
+        let steps = path.len() - 1;
         for walk in 0..WALKS {
             if self.members.len() >= size {
                 return;
@@ -181,14 +184,14 @@ impl<'g> Chooser<'g> {
             let mut t = if walk == 0 {
                 0
             } else {
-                random.below(cost.max(1))
+                random.below(steps.max(1))
             };
             let mut v = path[t];
             while self.members.len() < size {
                 let mut choices = [v; 5];
                 let mut count = 0;
                 for u in self.graph.neighbors(v).chain([v]) {
-                    if t + 1 + (team.distance(seed as usize, u) as usize) < cost {
+                    if standing.gains(seed as usize, u, t + 1) {
                         choices[count] = u;
                         count += 1;
                     }
@@ -254,12 +257,14 @@ impl<'g> Chooser<'g> {
         seed: u32,
         size: usize,
         paths: &Paths,
-        team: &(impl Team + ?Sized),
+        standing: &impl Standing,
         random: &mut Random,
     ) {
         let path = &paths[seed as usize];
-        let goal = self.goals[seed as usize];
-        let earliest = team.distance(seed as usize, path[0]) as usize;
+        let Some(&goal) = self.goals.get(seed as usize) else {
+            return;
+        };
+        let earliest = (path.len() - 1).saturating_sub(standing.delay(seed as usize));
         let mut crossing: Vec<(usize, u32)> = self.visits[goal as usize]
             .iter()
             .filter(|&&agent| agent != seed)

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{GridEnvironment, GridPlan, Instance, Motion, Status};
+use fleetyard_abi::{Goals, GridEnvironment, GridPlan, Instance, Lists, Motion, Status};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -150,6 +150,18 @@ pub fn vertex_of(
 ) -> Result<Vertex, ProblemError> {
     let blocked = ProblemError::Blocked { agent, what, cell };
     graph.vertex(cell).ok_or(blocked)
+}
+
+/// The vertices of the goals of all agents.
+pub fn goals_of(graph: &Graph, goals: &Goals) -> Result<Lists<Vertex>, ProblemError> {
+    let mut vertices = Lists::with_capacity(goals.len(), goals.items().len());
+    for (agent, cells) in goals.iter().enumerate() {
+        for &cell in cells {
+            vertices.push_item(vertex_of(graph, agent, "goal", cell)?);
+        }
+        vertices.end_list();
+    }
+    Ok(vertices)
 }
 
 /// The vertices of cells that no two agents may share: starts, or goals.

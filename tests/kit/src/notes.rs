@@ -15,6 +15,8 @@ pub struct Notes {
     pub others: Mutex<Vec<Plan>>,
     /// The last request.
     pub request: Mutex<Option<Request>>,
+    /// All figures, in the order in which they came.
+    pub figures: Mutex<Vec<(String, f64)>>,
     /// The answer to a plugin that asks for it.
     pub cancelled: AtomicBool,
 }
@@ -32,7 +34,9 @@ impl Sink for Notes {
         Ok(())
     }
     fn note(&self, _: &str, _: &str) {}
-    fn metric(&self, _: &str, _: f64) {}
+    fn metric(&self, name: &str, value: f64) {
+        self.figures.lock().unwrap().push((name.to_owned(), value));
+    }
     fn log(&self, _: LogLevel, _: &str) {}
     fn progress(&self, _: u64, _: u64) {}
     fn cancelled(&self) -> bool {

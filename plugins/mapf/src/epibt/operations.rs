@@ -57,7 +57,7 @@ impl Near {
 impl Aim<'_> {
     /// The cost of the way from a vertex, for an agent that looks this way, or any way.
     #[inline]
-    fn from(&self, graph: &Graph, moves: &Moves, v: Vertex, heading: Option<u8>) -> u32 {
+    pub(crate) fn from(&self, graph: &Graph, moves: &Moves, v: Vertex, heading: Option<u8>) -> u32 {
         match self.costs {
             Some(Costs::Ways(ways, tolls)) => ways.from(moves, v, heading, tolls),
             Some(Costs::Near(near)) => near.from(v),
@@ -67,7 +67,7 @@ impl Aim<'_> {
 
     /// The cost of a move, turns not counted.
     #[inline]
-    fn toll(&self, moves: &Moves, v: Vertex, d: usize) -> u32 {
+    pub(crate) fn toll(&self, moves: &Moves, v: Vertex, d: usize) -> u32 {
         match (self.costs, moves.away(v, d)) {
             (Some(Costs::Ways(_, tolls)), Some(number)) => tolls.of(number),
             // A barred move costs no more than the way on from where it leads.
@@ -75,7 +75,8 @@ impl Aim<'_> {
         }
     }
 
-    fn turn(&self) -> u32 {
+    /// The cost of a turn by 90°.
+    pub(crate) fn turn(&self) -> u32 {
         match self.costs {
             Some(Costs::Ways(_, tolls)) => tolls.turn(),
             _ => 0,

@@ -29,6 +29,8 @@ pub struct Query<'a> {
     pub starts: &'a [u32],
     /// Goal cells of each agent, to be visited in order. Agents may share goals, and have none.
     pub goals: &'a Goals,
+    /// Number of its goals that each agent has visited before; empty for none.
+    pub visited: &'a [usize],
     /// Headings of the agents at the beginning, if they are known.
     pub headings: Option<&'a [Heading]>,
     /// True if a turn by 90° takes a step. Robots whose headings are not known look north.
@@ -165,7 +167,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 at,
                 heading,
                 goals,
-                visited: 0,
+                visited: query.visited.get(agent).map_or(0, |n| *n),
                 stays: false,
                 ways: [const { None }; AIMS],
                 known: 0,
@@ -475,7 +477,7 @@ impl Agent {
 }
 
 /// The heading after a quarter turn from one direction towards another.
-fn turned(from: u8, to: usize) -> u8 {
+pub(crate) fn turned(from: u8, to: usize) -> u8 {
     let right = (from + 1) % 4;
     if quarters(right, to) < quarters(from, to) {
         right

@@ -1,58 +1,27 @@
 //! EPIBT: what its plans keep to, and how far a fleet gets with it.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin};
-use fleetyard_abi::{
-    Budget, GridEnvironment, GridPlan, Heading, Instance, Motion, RestOfPlan, Status, monotonic_ns,
-};
+use fleetyard_abi::sdk::{Options, Plugin};
+use fleetyard_abi::{GridEnvironment, Heading, Instance, Motion, Status, monotonic_ns};
 use fleetyard_plugin_mapf::epibt::run::End;
 use fleetyard_plugin_mapf::plugin::Epibt;
-use fleetyard_testkit::{Case, Notes, grid};
+use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
 
-use super::floor::{Floor, Hasty, Manner, Patient};
+use super::floor::{Floor, Hasty, Manner, Patient, Planner};
 use super::lifelong::crowds;
+use super::{alone, ask, at_once, followers, open, paths_of};
 
 const MANNER: Manner = Manner {
     horizon: 4,
     tries: Some(5),
     window: 1,
     threads: 1,
+    planner: Planner::Epibt,
 };
 
-/// Asks the plugin, made with options, in so many seconds. Gives the last plan as well.
-fn ask(case: &Case, options: &str, seconds: u64) -> (Result<(), Failure>, Option<GridPlan>) {
-    let budget = Budget {
-        seed: 7,
-        ..Budget::lasting(monotonic_ns(), seconds * 1_000_000_000)
-    };
-    let notes = Notes::default();
-    let mut planner = Epibt::create(Options::new(options)).unwrap();
-    let mut map = planner
-        .prepare(&case.environment(), &budget, &notes)
-        .unwrap();
-    let said = planner.plan(&mut map, &case.instance, &budget, &notes);
-    let plan = notes.plans.lock().unwrap().pop();
-    (said, plan)
-}
-
-/// The cells of a plan's path, which has to be one.
+/// The cells of the first path of a plan, which has to be one.
 fn path_of(case: &Case, options: &str) -> Vec<u32> {
-    let (said, plan) = ask(case, options, 60);
-    assert_eq!(said, Ok(()));
-    let plan = plan.unwrap();
-    let paths: Vec<&[u32]> = plan.paths().collect();
-    assert_eq!(case.judge(&paths, 0), Ok(()));
-    plan.path(0).to_vec()
-}
-
-fn open(rows: u32, cols: u32) -> GridEnvironment {
-    GridEnvironment::four_connected(rows, cols, vec![1; (rows * cols) as usize])
-}
-
-/// One agent with some goals, and a window.
-fn alone(map: GridEnvironment, start: u32, goals: &[u32], window: u32) -> Case {
-    let instance = Instance::one_shot(vec![start], vec![start]);
-    Case { map, instance }.windowed(window, &[goals.to_vec()])
+    paths_of::<Epibt>(case, options).swap_remove(0)
 }
 
 #[test]
@@ -100,55 +69,37 @@ fn without_a_window_everybody_stays_at_the_last_goal() {
     for turning in [false, true] {
         let case = Case::square(8, 12, 2, 5);
         let case = if turning { case.turning() } else { case };
-        let (said, plan) = ask(&case, "", 60);
+        let (said, plan, _) = ask::<Epibt>(&case, "", (60, 1));
         assert_eq!(said, Ok(()));
         let paths: Vec<Vec<u32>> = plan.unwrap().paths().map(<[u32]>::to_vec).collect();
         assert_eq!(case.judge(&paths, 0), Ok(()));
     }
     // Two cannot pass.
     let case = Case::new(&["...."], &[(0, 3), (3, 0)]);
-    let (said, plan) = ask(&case, "{\"step_limit\": 50}", 60);
+    let (said, plan, _) = ask::<Epibt>(&case, "{\"step_limit\": 50}", (60, 1));
     assert_eq!(said.unwrap_err().status, Status::GaveUp);
     assert!(plan.is_none());
 }
 
 #[test]
 fn the_rest_of_the_last_plan_is_followed_from_the_first_moment_on() {
-    let map = grid::drawn(&["......", "......"]);
-    let instance = Instance::one_shot(vec![0, 6], vec![5, 11]);
-    let mut case = Case { map, instance }.windowed(3, &[vec![5], vec![11]]);
-    // Both go east, and the second one comes up behind the first.
-    let parts = |paths: [&str; 2]| {
-        let paths = paths.map(str::to_owned).to_vec();
-        vec![RestOfPlan { paths }.into()]
-    };
-    let at_once = |case: &Case| {
-        let (said, plan) = ask(case, "", 0);
-        assert_eq!(said.unwrap_err().status, Status::TimedOut);
-        let plan = plan.unwrap();
-        let paths: Vec<Vec<u32>> = plan.paths().map(<[u32]>::to_vec).collect();
-        assert_eq!(case.judge(&paths, 0), Ok(()));
-        paths
-    };
-    assert_eq!(at_once(&case), [vec![0], vec![6]]);
-    case.instance.parts = parts(["EEE", "E.N"]);
-    assert_eq!(at_once(&case), [vec![0, 1, 2, 3], vec![6, 7, 7, 1]]);
+    let paths = |rest| at_once::<Epibt>(&followers(3, rest));
+    assert_eq!(paths(None), [vec![0], vec![6]]);
+    let rest = Some(["EEE", "E.N"]);
+    assert_eq!(paths(rest), [vec![0, 1, 2, 3], vec![6, 7, 7, 1]]);
     // Where paths collide, leave the map or are of another shape, agents wait.
-    for paths in [
+    for rest in [
         ["SSS", ".N."],
         ["WWW", "S"],
         ["x", "E"],
         ["EEEEEEEE", "SEN"],
     ] {
-        case.instance.parts = parts(paths);
-        let paths = at_once(&case);
+        let paths = paths(Some(rest));
         assert_eq!(paths[1], [6], "{paths:?}");
     }
     // With time, everybody gets on whatever the rest was.
-    let (said, plan) = ask(&case, "", 60);
-    assert_eq!(said, Ok(()));
-    let plan = plan.unwrap();
-    assert!(plan.path(0)[3] == 3 && plan.path(1)[3] % 6 >= 2, "{plan:?}");
+    let paths = paths_of::<Epibt>(&followers(3, Some(["EEEEEEEE", "SEN"])), "");
+    assert!(paths[0][3] == 3 && paths[1][3] % 6 >= 2, "{paths:?}");
 }
 
 #[test]
@@ -173,11 +124,11 @@ fn wrong_options_and_instances_are_refused() {
     assert!(reason.message.contains("hint: give 3 to 5"), "{reason:?}");
     let mut case = alone(grid::drawn(&[".@.."]), 2, &[3], 5);
     case.instance.motion = Motion::AnyAngle;
-    let (said, _) = ask(&case, "", 60);
+    let (said, _, _) = ask::<Epibt>(&case, "", (60, 1));
     assert_eq!(said.unwrap_err().status, Status::Unsupported);
     for (start, goal) in [(1, 3), (2, 1), (2, 0)] {
         let case = alone(grid::drawn(&[".@.."]), start, &[goal], 5);
-        let (said, plan) = ask(&case, "", 60);
+        let (said, plan, _) = ask::<Epibt>(&case, "", (60, 1));
         let failure = said.unwrap_err();
         assert_eq!(failure.status, Status::InvalidInput, "{failure:?}");
         assert!(failure.message.contains("hint:"), "{failure:?}");
@@ -217,8 +168,8 @@ fn threads_do_not_matter_where_regions_are_improved_at_the_same_time() {
             let manner = Manner {
                 horizon: 3 + usize::from(turning),
                 tries: Some(tries),
-                window: 1,
                 threads,
+                ..MANNER
             };
             floor.drive(3, manner);
             floor.case.instance.starts
@@ -290,7 +241,7 @@ fn without_a_number_of_tries_time_is_used_up() {
     let goals: Vec<Vec<u32>> = case.instance.goals.iter().map(<[u32]>::to_vec).collect();
     let case = case.windowed(6, &goals);
     let begin = monotonic_ns();
-    let (said, plan) = ask(&case, "{\"tries\": null}", 1);
+    let (said, plan, _) = ask::<Epibt>(&case, "{\"tries\": null}", (1, 1));
     assert_eq!(said, Ok(()));
     assert!(monotonic_ns() - begin > 700_000_000);
     let plan = plan.unwrap();
@@ -304,8 +255,7 @@ fn reached(map: &GridEnvironment, agents: usize, turning: bool, steps: u32) -> [
         let manner = Manner {
             horizon: 3 + usize::from(turning),
             tries: Some(tries),
-            window: 1,
-            threads: 1,
+            ..MANNER
         };
         Floor::new(map.clone(), agents, turning, 1, 0, 1).drive(steps, manner)
     })
@@ -355,7 +305,8 @@ proptest! {
             floor.case.instance.headings = Some((0..agents as u64).map(look).collect());
         }
         let horizon = horizon + usize::from(turning);
-        let manner = Manner { horizon, tries: Some(tries), window, threads: 1 + seed as usize % 3 };
+        let threads = 1 + seed as usize % 3;
+        let manner = Manner { horizon, tries: Some(tries), window, threads, ..MANNER };
         for _ in 0..rounds {
             let (plan, end) = if stopped == 0 {
                 floor.plan(manner, &mut Hasty)

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use fleetyard_abi::{GridEnvironment, GridPlan, Heading, Instance, Motion};
 use fleetyard_plugin_mapf::epibt::run::{End, Query, Watch, run};
 use fleetyard_plugin_mapf::streets::{Journeys, Streets, Turning};
+use fleetyard_plugin_mapf::wppl;
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
 
@@ -57,6 +58,14 @@ pub(crate) struct Manner {
     pub(crate) tries: Option<u32>,
     pub(crate) window: u32,
     pub(crate) threads: usize,
+    pub(crate) planner: Planner,
+}
+
+/// The planner of a fleet.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Planner {
+    Epibt,
+    Wppl { depth: u32 },
 }
 
 impl Floor {
@@ -126,9 +135,10 @@ impl Floor {
             threads: manner.threads,
         };
         let mut streets = self.streets.ranking(journeys, &mut || watch.pause());
-        let query = Query {
+        let first = Query {
             starts: &instance.starts,
             goals: &instance.goals,
+            visited: &[],
             headings: instance.headings.as_deref(),
             turning,
             window: Some(manner.window),
@@ -140,7 +150,21 @@ impl Floor {
             seed: grid::mix(self.seed ^ self.step << 20),
             threads: manner.threads,
         };
-        run(&self.graph, &mut streets, &query, watch).expect("goals are in reach")
+        let in_reach = "goals are in reach";
+        match manner.planner {
+            Planner::Epibt => run(&self.graph, &mut streets, &first, watch).expect(in_reach),
+            Planner::Wppl { depth } => {
+                let tries = Some(0);
+                let query = wppl::Query {
+                    first: Query { tries, ..first },
+                    depth,
+                    tries: manner.tries,
+                };
+                let (plan, end, _) =
+                    wppl::run(&self.graph, &mut streets, &query, watch).expect(in_reach);
+                (plan, end)
+            }
+        }
     }
 
     /// Does the first step of a plan, turning as early as possible. Gives the number of goals
