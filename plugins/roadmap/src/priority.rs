@@ -45,10 +45,19 @@ pub fn plan(
     stop: &mut dyn FnMut() -> bool,
 ) -> Outcome {
     let roadmap = closeness.roadmap();
-    let rests: Vec<Rest> = discs
-        .iter()
-        .map(|disc| Rest::to(roadmap, &disc.goals, until == f64::INFINITY, known))
-        .collect();
+    let mut rests = Vec::with_capacity(discs.len());
+    for disc in discs {
+        // What is known by then is there for the next call.
+        if stop() {
+            return Outcome {
+                end: End::Stopped,
+                orders: 0,
+                expanded: 0,
+            };
+        }
+        let stays = until == f64::INFINITY;
+        rests.push(Rest::to(roadmap, &disc.goals, stays, known));
+    }
     let tasks: Vec<Task<'_>> = discs
         .iter()
         .zip(&rests)
@@ -65,10 +74,14 @@ pub fn plan(
     };
     let ways: Vec<f64> = tasks.iter().map(way).collect();
     let (mut taken, mut search) = (Reservations::new(closeness), Search::new(roadmap));
+    for task in &tasks {
+        taken.hold(closeness, task.start, task.least_stay(roadmap));
+    }
     let (end, orders) = try_orders(longest_first(&ways), limit, seed, |order| {
         taken.clear();
         let mut paths = vec![Path::new(); tasks.len()];
         for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
+            taken.release(agent);
             match search.find(roadmap, &taken, &tasks[agent], stop) {
                 Found::Path(path) => {
                     taken.reserve(closeness, &path, until);

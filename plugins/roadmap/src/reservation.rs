@@ -14,6 +14,10 @@ pub struct Reservations {
     edges: Vec<Spans>,
     used_vertices: Vec<Vertex>,
     used_edges: Vec<Edge>,
+    /// Per edge, discs that hold it at first, and until when nobody should set out on it.
+    held: Vec<Vec<(u32, f64)>>,
+    /// True per disc that holds nothing any more.
+    released: Vec<bool>,
 }
 
 impl Reservations {
@@ -24,6 +28,8 @@ impl Reservations {
             edges: vec![Spans::new(); closeness.roadmap().edges()],
             used_vertices: Vec::new(),
             used_edges: Vec::new(),
+            held: vec![Vec::new(); closeness.roadmap().edges()],
+            released: Vec::new(),
         }
     }
 
@@ -35,6 +41,31 @@ impl Reservations {
     /// Times at which no disc may set out on an edge.
     pub fn edge(&self, edge: Edge) -> &Spans {
         &self.edges[edge as usize]
+    }
+
+    /// The first time from `time` on at which a disc may set out on an edge, and should with regard to those who hold it.
+    pub fn first_free(&self, edge: Edge, time: f64) -> f64 {
+        let held = self.held[edge as usize].iter();
+        let held = held.filter(|(disc, _)| !self.released[*disc as usize]);
+        let time = held.fold(time, |time, (_, until)| time.max(*until));
+        self.edge(edge).first_outside(time)
+    }
+
+    /// Lets a disc that has no path yet, the next one of those for which this is called, hold the place where it starts until a time:
+    /// others would come while it cannot be gone.
+    pub fn hold(&mut self, closeness: &Closeness, start: Vertex, until: f64) {
+        let disc = self.released.len() as u32;
+        self.released.push(false);
+        if until > 0.0 {
+            for (edge, near) in closeness.edges_of_vertex(start) {
+                self.held[*edge as usize].push((disc, until - near.low));
+            }
+        }
+    }
+
+    /// Gives up what a disc holds, which is about to get its path.
+    pub fn release(&mut self, disc: usize) {
+        self.released[disc] = true;
     }
 
     /// Takes what a path needs until a time, after which it may be in anybody's way.
@@ -88,8 +119,9 @@ impl Reservations {
         spans.insert(span);
     }
 
-    /// Gives everything back.
+    /// Gives all paths back; discs hold again what they held.
     pub fn clear(&mut self) {
+        self.released.fill(false);
         for vertex in self.used_vertices.drain(..) {
             self.vertices[vertex as usize].clear();
         }

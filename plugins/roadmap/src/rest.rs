@@ -11,6 +11,7 @@ const MOST_KEPT: usize = 1 << 24;
 /// Lower bounds of the seconds to one goal.
 #[derive(Debug)]
 struct Bounds {
+    goal: Vertex,
     /// By vertex, or by line where robots have to turn.
     times: Vec<f64>,
 }
@@ -22,11 +23,14 @@ impl Bounds {
         } else {
             roadmap.times_to(goal)
         };
-        Self { times }
+        Self { goal, times }
     }
 
     /// From rest at a vertex, with the time that turning to a line takes.
     fn from(&self, roadmap: &Roadmap, vertex: Vertex, turn: impl Fn(Edge) -> f64) -> f64 {
+        if vertex == self.goal {
+            return 0.0;
+        }
         if !roadmap.is_driven() {
             return self.times[vertex as usize];
         }

@@ -39,6 +39,30 @@ pub struct Task<'a> {
     pub until: f64,
 }
 
+impl Task<'_> {
+    /// Seconds in which a disc that has to turn first has neither turned to where its way leads nor come to the next vertex; none
+    /// for one that may set out at once.
+    pub fn least_stay(&self, roadmap: &Roadmap) -> f64 {
+        let met = self.rest.met(0, self.start);
+        let Some(direction) = self
+            .direction
+            .filter(|_| !self.rest.is_over(met, self.start))
+        else {
+            return 0.0;
+        };
+        let way = |line: &Edge| {
+            let onward = self.rest.after(roadmap, met, roadmap.target(*line), *line);
+            roadmap.turn(direction, *line) + roadmap.in_motion(*line) + onward
+        };
+        let lines = roadmap.lines(self.start).map(|line| (way(&line), line));
+        let first = lines.min_by(|one, other| one.0.total_cmp(&other.0));
+        first.map_or(0.0, |(_, line)| match roadmap.turn(direction, line) {
+            turn if turn > 0.0 => turn + roadmap.duration(line),
+            _ => 0.0,
+        })
+    }
+}
+
 /// A state that was reached: at rest.
 #[derive(Debug, Clone, Copy)]
 struct Node {
@@ -326,7 +350,7 @@ fn free_from(taken: &Reservations, drive: &[(Edge, f64)], mut time: f64) -> f64 
         let before = time;
         for (edge, after) in drive {
             let enters = time + after;
-            let free = taken.edge(*edge).first_outside(enters);
+            let free = taken.first_free(*edge, enters);
             if free > enters {
                 time += free - enters;
                 while time + after < free {

@@ -426,6 +426,31 @@ fn turns_and_drives_take_their_time() {
     );
 }
 
+/// The longer way goes first, and leads through a place where somebody has to turn before it can leave.
+#[test]
+fn who_has_to_turn_is_waited_for() {
+    let places = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (2.0, 1.0)];
+    let places = places.map(|(x, y)| Vector::new(x, y)).to_vec();
+    let edges = [(0, 1), (1, 2), (2, 3), (2, 4)]
+        .into_iter()
+        .flat_map(|(a, b)| [(a, b, 0.5), (b, a, 0.5)]);
+    let roadmap = Roadmap::new(places, edges, SEPARATION).unwrap().driven(AGV);
+    let disc = |start, goal| Disc {
+        start,
+        direction: Some(0.0),
+        goals: vec![goal],
+    };
+    let discs = [disc(0, 3), disc(2, 4)];
+    let closeness = Closeness::new(roadmap);
+    let team = (&discs[..], f64::INFINITY);
+    let outcome = plan(&closeness, &mut Known::default(), team, 1, 1, &mut || false);
+    let End::Solved(paths) = outcome.end else {
+        panic!("{outcome:?}")
+    };
+    assert_eq!(cost(&paths[1]), 2.25 + 2.0_f64.sqrt());
+    assert!(least_distance(closeness.roadmap(), &paths) > SEPARATION - 1e-9);
+}
+
 #[test]
 fn a_roadmap_that_is_none_is_refused() {
     let places = vec![Vector::zeros(), Vector::new(1.0, 0.0)];
