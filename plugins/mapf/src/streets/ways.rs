@@ -12,7 +12,7 @@
 //! "Algorithm 360: shortest-path forest with topological ordering", CACM 1969), and entries are
 //! allocated in pages as the search reaches them.
 
-use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
@@ -24,8 +24,10 @@ pub type Move = u32;
 const NONE: Move = Move::MAX;
 /// Rows and columns of cells whose moves have numbers that follow each other.
 const TILE: u32 = 16;
-/// Moves in a page of a table: those of a tile with lanes.
-const PAGE: usize = 512;
+/// Moves in a line of a table, which is a cache line.
+const LINE: usize = 30;
+/// Lines in a page: about the moves of a tile with lanes.
+const PAGE: usize = 16;
 /// About so many rows, and columns, does a search cover beside those between its ends.
 const DETOURS: u64 = 48;
 /// Bytes of a table at the beginning, and of each move, with the edge of the search.
@@ -165,7 +167,7 @@ pub struct Ways {
     goal: Vertex,
     /// Row and column of the place that the search goes to.
     towards: [i32; 2],
-    pages: Box<[OnceLock<Box<Page>>]>,
+    pages: Box<[OnceLock<Box<[Line; PAGE]>>]>,
     /// No entry that is not settled has less than so much left to the goal and, at least, to the
     /// place that the search goes to. Settled entries are stored before it rises.
     level: AtomicU32,
@@ -174,10 +176,21 @@ pub struct Ways {
 
 /// Entries of moves whose numbers follow each other. One that is not settled may become less.
 #[derive(Debug)]
-struct Page {
-    rest: [AtomicU16; PAGE],
+#[repr(align(64))]
+struct Line {
     /// A bit per entry.
-    settled: [AtomicU64; PAGE / 64],
+    settled: AtomicU32,
+    rest: [AtomicU16; LINE],
+}
+
+impl Line {
+    /// Nothing is found yet.
+    const fn new() -> Self {
+        Self {
+            settled: AtomicU32::new(0),
+            rest: [const { AtomicU16::new(FAR as u16) }; LINE],
+        }
+    }
 }
 
 /// The edge of the search.
@@ -243,7 +256,7 @@ impl Ways {
         let ways = Self {
             goal,
             towards: graph.place(towards).map(|at| at as i32),
-            pages: (0..moves.len().div_ceil(PAGE))
+            pages: (0..moves.len().div_ceil(PAGE * LINE))
                 .map(|_| OnceLock::new())
                 .collect(),
             level: AtomicU32::new(0),
@@ -265,7 +278,8 @@ impl Ways {
             Ordering::Relaxed,
         );
         for (last, bound) in last {
-            ways.page(&mut search, last).rest[last as usize % PAGE].store(0, Ordering::Relaxed);
+            let line = ways.line(&mut search, last);
+            line.rest[last as usize % LINE].store(0, Ordering::Relaxed);
             search.push(last, bound);
         }
         drop(search);
@@ -277,14 +291,13 @@ impl Ways {
     }
 
     #[inline]
-    fn page(&self, search: &mut Search, number: Move) -> &Page {
-        self.pages[number as usize / PAGE].get_or_init(|| {
+    fn line(&self, search: &mut Search, number: Move) -> &Line {
+        let line = number as usize / LINE;
+        let page = self.pages[line / PAGE].get_or_init(|| {
             search.pages += 1;
-            Box::new(Page {
-                rest: [const { AtomicU16::new(FAR as u16) }; PAGE],
-                settled: [const { AtomicU64::new(0) }; PAGE / 64],
-            })
-        })
+            Box::new([const { Line::new() }; PAGE])
+        });
+        &page[line % PAGE]
     }
 
     /// About so many bytes are taken by the ways from a place to a goal.
@@ -306,7 +319,8 @@ impl Ways {
         let lists = size_of_val(&*self.pages)
             + size_of_val(&*search.heads)
             + search.list.capacity() * size_of::<(Move, u32)>();
-        (size_of::<Self>() + lists) as u64 + u64::from(search.pages) * size_of::<Page>() as u64
+        (size_of::<Self>() + lists) as u64
+            + u64::from(search.pages) * size_of::<[Line; PAGE]>() as u64
     }
 
     /// The cost of the way from the place that the search goes to up to the end of a move, if nothing
@@ -329,10 +343,11 @@ impl Ways {
     /// The entry of a move, if it is settled.
     #[inline]
     fn settled(&self, number: Move) -> Option<u32> {
-        let page = self.pages[number as usize / PAGE].get()?;
-        let at = number as usize % PAGE;
-        let settled = page.settled[at / 64].load(Ordering::Acquire) >> (at % 64) & 1 == 1;
-        settled.then(|| page.rest[at].load(Ordering::Relaxed).into())
+        let line = number as usize / LINE;
+        let line = &self.pages[line / PAGE].get()?[line % PAGE];
+        let at = number as usize % LINE;
+        let settled = line.settled.load(Ordering::Acquire) >> at & 1 == 1;
+        settled.then(|| line.rest[at].load(Ordering::Relaxed).into())
     }
 
     /// The cost of the way from the end of a move on; [`FAR`] where there is none.
@@ -354,15 +369,15 @@ impl Ways {
                 level += 1;
                 continue;
             };
-            let page = self.page(&mut search, number);
-            let at = number as usize % PAGE;
-            let (settled, bit) = (&page.settled[at / 64], 1 << (at % 64));
+            let line = self.line(&mut search, number);
+            let at = number as usize % LINE;
+            let (settled, bit) = (&line.settled, 1 << at);
             let before = settled.load(Ordering::Relaxed);
             // One that was found again nearer has gone on from there.
             if before & bit != 0 {
                 continue;
             }
-            let here = u32::from(page.rest[at].load(Ordering::Relaxed));
+            let here = u32::from(line.rest[at].load(Ordering::Relaxed));
             settled.store(before | bit, Ordering::Release);
             if number == wanted {
                 rest = Some(here);
@@ -370,7 +385,8 @@ impl Ways {
             let here = here + tolls.of(number);
             for &(before, quarters) in &moves.before[at_of(number)..at_of(number + 1)] {
                 let cost = here + tolls.turn * quarters;
-                let entry = &self.page(&mut search, before).rest[before as usize % PAGE];
+                let line = self.line(&mut search, before);
+                let entry = &line.rest[before as usize % LINE];
                 if cost < u32::from(entry.load(Ordering::Relaxed)) {
                     entry.store(cost as u16, Ordering::Relaxed);
                     search.push(before, cost + self.bound(moves, before, tolls));
