@@ -89,7 +89,7 @@ enum Built {
 #[derive(Debug, Default)]
 pub(crate) struct Menu<const D: usize> {
     list: Vec<Operation<D>>,
-    /// Where those of each agent begin, and where those of the last end.
+    /// The first operation of each agent, and the end of the last agent's.
     first: Vec<u32>,
 }
 
@@ -201,7 +201,7 @@ impl<const D: usize> Team<D> {
         &self.menus[agent as usize / MENU].list[place as usize]
     }
 
-    /// Where the operations of an agent begin and end in its menu.
+    /// The places in its menu between which the operations of an agent are.
     #[inline]
     fn places(&self, agent: u32) -> (&Menu<D>, usize, usize) {
         let menu = &self.menus[agent as usize / MENU];

@@ -25,7 +25,7 @@ enum Exits {
     Several,
 }
 
-/// Where agents want to go, as far as it matters for who gives way.
+/// Wishes of agents, as far as they matter for who gives way.
 pub(crate) trait Will {
     /// True if `a` is nearer to where `agent` wants to be than its neighbour `b`.
     fn nearer(&mut self, graph: &Graph, agent: usize, a: Vertex, b: Vertex) -> bool;
