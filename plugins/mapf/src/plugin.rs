@@ -280,7 +280,7 @@ fn turns(instance: &Instance) -> Result<bool, ProblemError> {
     }
 }
 
-/// What EPIBT is asked for an instance, without tries.
+/// The query of an instance to EPIBT, without tries.
 fn first_query<'a>(
     instance: &'a Instance,
     turning: bool,

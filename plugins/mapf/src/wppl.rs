@@ -107,7 +107,7 @@ struct Run<'a, 'b, 's> {
     goals: Lists<Vertex>,
     /// Agents that have to be at their last goal in the end.
     stays: Vec<bool>,
-    /// Where they are.
+    /// Poses of the agents.
     poses: Vec<Pose>,
     paths: Paths,
     effort: Effort,
@@ -435,7 +435,7 @@ impl<'a, 'b, 's> Run<'a, 'b, 's> {
         })
     }
 
-    /// What everybody has to do in a window.
+    /// The tasks of all agents in a window.
     fn errands(&mut self, window: u32) -> Result<Vec<Errand>, ProblemError> {
         let mut errands = Vec::with_capacity(self.poses.len());
         for agent in 0..self.poses.len() {

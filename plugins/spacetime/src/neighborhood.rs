@@ -22,7 +22,7 @@ pub enum Kind {
     Random,
 }
 
-/// What the paths of a team cost, and what they could cost.
+/// Costs of the paths of a team, and those that they could have.
 pub trait Standing {
     /// Cost by which the path of an agent exceeds the one that it would have alone.
     fn delay(&self, agent: usize) -> usize;

@@ -34,7 +34,7 @@ const EXPLORE_ONE_IN: usize = 6;
 /// First random stream of the repairs.
 const STREAMS: u64 = 1 << 32;
 
-/// What paths are to be like, and how the path of one agent is found.
+/// The measure of paths, and the way to find that of one agent.
 pub trait Task: Sync {
     /// Scratch memory of a thread.
     type Search: Default + Send;
@@ -208,7 +208,7 @@ pub struct Refiner<'g, S> {
     seed: u64,
     cycles: bool,
     paths: Paths,
-    /// What each costs, from the first round on.
+    /// The cost of each, from the first round on.
     costs: Vec<u64>,
     workers: Vec<Worker<'g, S>>,
     chooser: Chooser<'g>,

@@ -22,7 +22,7 @@ pub(super) struct Leg {
     pub(super) after: u32,
 }
 
-/// What an agent is to do.
+/// The task of an agent.
 #[derive(Debug)]
 pub(super) struct Errand {
     pub(super) start: Vertex,
@@ -34,7 +34,7 @@ pub(super) struct Errand {
     pub(super) stays: bool,
     /// Cost of the way through all of them, from the start.
     pub(super) rest: u32,
-    /// What a unit of its cost counts in the sum.
+    /// The weight of its cost in the sum.
     pub(super) weight: u64,
 }
 
@@ -48,7 +48,7 @@ pub(super) struct Pose {
 }
 
 impl Errand {
-    /// Where the agent begins.
+    /// The pose in which the agent begins.
     pub(super) fn begin(&self) -> Pose {
         self.arrived(Pose {
             v: self.start,
@@ -170,7 +170,7 @@ impl Ground<'_> {
         cost + turned.min().map_or(ahead, |least| least.min(ahead))
     }
 
-    /// What a turn costs more than a wait.
+    /// Cost of a turn less that of a wait.
     fn dearer(&self, errand: &Errand, pose: Pose) -> u32 {
         let turn = self.turn(errand, pose.visited);
         turn.saturating_sub(errand.wait(pose))

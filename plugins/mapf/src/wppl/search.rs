@@ -44,7 +44,7 @@ struct State {
     rest: u32,
 }
 
-/// What costs and keys of states are measured by.
+/// Measures of costs and keys of states.
 #[derive(Debug, Clone, Copy, Default)]
 struct Limits {
     vertices: u64,
