@@ -32,11 +32,12 @@
 #define FLEETYARD_INSTANCE_GENERATOR_FACTORY_ID "fleetyard.instance-generator/1"
 #define FLEETYARD_INVOCATION_POLICY_FACTORY_ID "fleetyard.invocation-policy/1"
 
-/* Identifiers of parts: FleetyardTraffic, FleetyardRestOfPlan, FleetyardGoalTasks, and a
- * FleetyardBytes with what the plugin kept last. */
+/* Identifiers of parts: FleetyardTraffic, FleetyardRestOfPlan, FleetyardGoalTasks,
+ * FleetyardGuidance, and a FleetyardBytes with what the plugin kept last. */
 #define FLEETYARD_TRAFFIC_ID "fleetyard.traffic/1"
 #define FLEETYARD_REST_OF_PLAN_ID "fleetyard.rest-of-plan/1"
 #define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
+#define FLEETYARD_GUIDANCE_ID "fleetyard.guidance/1"
 #define FLEETYARD_KEPT_ID "fleetyard.kept/1"
 
 /* Identifiers for get_extension of a sink: FleetyardKeep, FleetyardAnnotations. */
@@ -53,6 +54,21 @@
  Minor version of the ABI; grows with additions that old plugins can ignore.
  */
 #define FLEETYARD_ABI_MINOR 0
+
+/*
+ The factor of guidance that changes nothing.
+ */
+#define FLEETYARD_GUIDANCE_NEUTRAL 100
+
+/*
+ The least factor of guidance.
+ */
+#define FLEETYARD_GUIDANCE_LEAST 10
+
+/*
+ The greatest factor of guidance.
+ */
+#define FLEETYARD_GUIDANCE_MOST 10000
 
 /*
  Most bytes that a plugin may keep.
@@ -1398,6 +1414,35 @@ typedef struct FleetyardGoalTasks {
    */
   const double *given_s;
 } FleetyardGoalTasks;
+
+/*
+ Part of instances and states: a guidance graph, factors on what moves and waits cost. Where it is
+ cheap robots are to go, where it is dear they are not, and every way stays allowed.
+ */
+typedef struct FleetyardGuidance {
+  /*
+   `sizeof(FleetyardGuidance)`.
+   */
+  uint32_t struct_size;
+  /*
+   Number of places of the map.
+   */
+  uint32_t places;
+  /*
+   Number of moves: cells by neighbours on a grid, edges on a roadmap.
+   */
+  uint64_t move_count;
+  /*
+   Per move, in the order of `FleetyardSnapshot::flow`, the factor of its cost in units of
+   1 / `FLEETYARD_GUIDANCE_NEUTRAL`, from `FLEETYARD_GUIDANCE_LEAST` to
+   `FLEETYARD_GUIDANCE_MOST`. Moves that the map does not have have one as well.
+   */
+  const uint16_t *moves;
+  /*
+   The same per place, for a wait there.
+   */
+  const uint16_t *waits;
+} FleetyardGuidance;
 
 /*
  Bytes of a plugin's own.

@@ -423,6 +423,17 @@ private:
   }
 };
 
+/* Factors on what moves and waits cost, in units of 1 / FLEETYARD_GUIDANCE_NEUTRAL. */
+struct Guidance {
+  Span<std::uint16_t> moves; /* per cell and move, or per edge */
+  Span<std::uint16_t> waits; /* per place */
+
+  explicit Guidance(const FleetyardGuidance &raw)
+      : moves(detail::checked(raw.moves, static_cast<std::size_t>(raw.move_count),
+                              "guidance.moves")),
+        waits(detail::checked(raw.waits, raw.places, "guidance.waits")) {}
+};
+
 /* The memory that the host keeps of a fleet, of instances and states. It hands it to plugins alone
  * that list `part:` and the identifier in their features. */
 template <class Input> class WithMemory {
@@ -435,6 +446,9 @@ public:
   }
   std::optional<GoalTasks> goal_tasks() const {
     return read<GoalTasks, FleetyardGoalTasks>(FLEETYARD_GOAL_TASKS_ID);
+  }
+  std::optional<Guidance> guidance() const {
+    return read<Guidance, FleetyardGuidance>(FLEETYARD_GUIDANCE_ID);
   }
   /* The bytes that this plugin kept last; empty when there are none. */
   Span<std::uint8_t> kept() const {

@@ -259,6 +259,10 @@ static inline const FleetyardGoalTasks *fleetyard_goal_tasks(const FleetyardPart
   return (const FleetyardGoalTasks *)fleetyard_structure(parts, FLEETYARD_GOAL_TASKS_ID,
                                                          sizeof(FleetyardGoalTasks));
 }
+static inline const FleetyardGuidance *fleetyard_guidance(const FleetyardParts *parts) {
+  return (const FleetyardGuidance *)fleetyard_structure(parts, FLEETYARD_GUIDANCE_ID,
+                                                        sizeof(FleetyardGuidance));
+}
 /* The bytes that this plugin kept last. */
 static inline const FleetyardBytes *fleetyard_kept(const FleetyardParts *parts) {
   return (const FleetyardBytes *)fleetyard_structure(parts, FLEETYARD_KEPT_ID,

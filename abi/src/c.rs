@@ -51,6 +51,14 @@ pub const TRAFFIC_ID: &str = "fleetyard.traffic/1";
 pub const REST_OF_PLAN_ID: &str = "fleetyard.rest-of-plan/1";
 /// Identifier of a part, a `FleetyardGoalTasks`, of instances and states.
 pub const GOAL_TASKS_ID: &str = "fleetyard.goal-tasks/1";
+/// Identifier of a part, a `FleetyardGuidance`, of instances and states.
+pub const GUIDANCE_ID: &str = "fleetyard.guidance/1";
+/// The factor of guidance that changes nothing.
+pub const GUIDANCE_NEUTRAL: u16 = 100;
+/// The least factor of guidance.
+pub const GUIDANCE_LEAST: u16 = 10;
+/// The greatest factor of guidance.
+pub const GUIDANCE_MOST: u16 = 10_000;
 /// Identifier of a part, a `FleetyardBytes`, of instances and states: what the plugin kept last.
 pub const KEPT_ID: &str = "fleetyard.kept/1";
 /// Identifier of an extension of the sink, a `FleetyardKeep`.
@@ -824,6 +832,26 @@ pub struct GoalTasks {
     /// When the task of each goal was given to the agent. A goal without a task is given when the
     /// one before it is reached; `time_s` if that is still to come.
     pub given_s: *const f64,
+}
+
+/// Part of instances and states: a guidance graph, factors on what moves and waits cost. Where it is
+/// cheap robots are to go, where it is dear they are not, and every way stays allowed.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Guidance {
+    /// `sizeof(FleetyardGuidance)`.
+    pub struct_size: u32,
+    /// Number of places of the map.
+    pub places: u32,
+    /// Number of moves: cells by neighbours on a grid, edges on a roadmap.
+    pub move_count: u64,
+    /// Per move, in the order of `FleetyardSnapshot::flow`, the factor of its cost in units of
+    /// 1 / `FLEETYARD_GUIDANCE_NEUTRAL`, from `FLEETYARD_GUIDANCE_LEAST` to
+    /// `FLEETYARD_GUIDANCE_MOST`. Moves that the map does not have have one as well.
+    pub moves: *const u16,
+    /// The same per place, for a wait there.
+    pub waits: *const u16,
 }
 
 /// Bytes of a plugin's own.

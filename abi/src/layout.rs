@@ -80,6 +80,7 @@ const LAYOUTS: &[NamedLayout] = layouts![
     Traffic,
     RestOfPlan,
     GoalTasks,
+    Guidance,
     Bytes,
     Keep,
     Annotation,

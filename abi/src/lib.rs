@@ -46,7 +46,7 @@ pub use annotation::{Annotation, Shape};
 pub use clock::monotonic_ns;
 pub use environment::*;
 pub use lists::{Goals, Lists};
-pub use memory::{GoalTasks, Kept, RestOfPlan, Snapshot, Traffic};
+pub use memory::{GoalTasks, Guidance, Kept, RestOfPlan, Snapshot, Traffic};
 pub use model::*;
 pub use plan::{
     ControlPlan, GridPlan, Knot, KnotPlan, MotionPlan, MotionRef, Plan, PlanRef, Segment, Visit,

@@ -138,6 +138,69 @@ impl GoalTasks {
     }
 }
 
+/// A guidance graph: factors on what moves and waits cost (Zhang, Jiang, Bhatt, Nikolaidis, Li,
+/// "Guidance graph optimization for lifelong multi-agent path finding", IJCAI 2024). Where it is cheap
+/// robots are to go, where it is dear they are not, and every way stays allowed.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Guidance {
+    /// Per move, in the order of the snapshots' `flow`, the factor of its cost in units of 1/100, from
+    /// 10 to 10000: 100 changes nothing. Moves that the map does not have have one as well.
+    #[schemars(inner(range(min = 10, max = 10_000)))]
+    pub moves: Vec<u16>,
+    /// The same per place, for a wait there.
+    #[schemars(inner(range(min = 10, max = 10_000)))]
+    pub waits: Vec<u16>,
+}
+
+impl Guidance {
+    /// Factors that change nothing, of so many moves and places.
+    pub fn neutral(moves: usize, places: usize) -> Self {
+        Self {
+            moves: vec![c::GUIDANCE_NEUTRAL; moves],
+            waits: vec![c::GUIDANCE_NEUTRAL; places],
+        }
+    }
+
+    /// Checks that factors are within their bounds.
+    ///
+    /// # Errors
+    ///
+    /// The first one that is not, with its place.
+    pub fn check(&self) -> Result<(), String> {
+        let bounds = c::GUIDANCE_LEAST..=c::GUIDANCE_MOST;
+        for (name, factors) in [("moves", &self.moves), ("waits", &self.waits)] {
+            if let Some(at) = factors.iter().position(|factor| !bounds.contains(factor)) {
+                return Err(format!(
+                    "{name}[{at}] is {}, not a factor from {} to {} hundredths",
+                    factors[at],
+                    bounds.start(),
+                    bounds.end()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that it is of a map with so many moves and places.
+    ///
+    /// # Errors
+    ///
+    /// Another number of factors.
+    pub fn check_size(&self, moves: usize, places: usize) -> Result<(), String> {
+        for (name, found, wanted) in [
+            ("moves", self.moves.len(), moves),
+            ("waits", self.waits.len(), places),
+        ] {
+            if found != wanted {
+                return Err(format!(
+                    "guidance has {found} factors of {name}, but the map takes {wanted}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Bytes that a plugin kept, as it gave them last.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
@@ -170,6 +233,8 @@ pub enum Data {
     RestOfPlan(Arc<RestOfPlan>),
     /// `fleetyard.goal-tasks/1`
     GoalTasks(Arc<GoalTasks>),
+    /// `fleetyard.guidance/1`
+    Guidance(Arc<Guidance>),
     /// `fleetyard.kept/1`
     Kept(Arc<Kept>),
 }
@@ -192,6 +257,14 @@ impl Data {
                 }
                 data.map(|data| Self::GoalTasks(Arc::new(data)))
             }
+            c::GUIDANCE_ID => {
+                let data: Result<Guidance, _> = serde_json::from_value(value);
+                if let Ok(data) = &data {
+                    data.check()
+                        .map_err(|reason| format!("the part `{id}` is malformed: {reason}"))?;
+                }
+                data.map(|data| Self::Guidance(Arc::new(data)))
+            }
             c::KEPT_ID => serde_json::from_value(value).map(|data| Self::Kept(Arc::new(data))),
             _ => Ok(Self::Json(value)),
         };
@@ -212,6 +285,7 @@ impl Serialize for Data {
             Self::Traffic(data) => data.serialize(serializer),
             Self::RestOfPlan(data) => data.serialize(serializer),
             Self::GoalTasks(data) => data.serialize(serializer),
+            Self::Guidance(data) => data.serialize(serializer),
             Self::Kept(data) => data.serialize(serializer),
         }
     }
@@ -270,6 +344,8 @@ known! {
     "The rest of the last plan, if the host keeps it for this plugin.";
     GoalTasks, GOAL_TASKS_ID, goal_tasks,
     "The tasks of goals, if the host keeps them for this plugin.";
+    Guidance, GUIDANCE_ID, guidance,
+    "The guidance graph of the map, if the run has one and this plugin reads it.";
     Kept, KEPT_ID, kept,
     "The bytes that this plugin kept last, if the host keeps them and there are some.";
 }

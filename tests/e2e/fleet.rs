@@ -246,6 +246,76 @@ fn memory_of_the_host_is_the_same_in_replays_and_after_a_restart() {
 }
 
 #[test]
+fn guidance_is_read_recorded_and_refused_for_another_map() {
+    let yard = Yard::new();
+    // All moves to the west are dear, or nothing is.
+    let file = |west: u32| {
+        let row = |factors: &[u32], cells| serde_json::json!(factors.repeat(cells));
+        let guidance = serde_json::json!({
+            "format": "fleetyard.guidance/1",
+            "moves": vec![row(&[100, 100, 100, west], 8); 8],
+            "waits": vec![row(&[100], 8); 8],
+        });
+        guidance.to_string()
+    };
+    yard.write("neutral.json", file(100));
+    yard.write("east.json", file(700));
+    let asked = format!(
+        "--map {} --agents 12 --duration 60s --planner pibt --generator windowed-multi-goals \
+         --invocation periodic --fail-policy all-wait --format json",
+        map("empty-8-8.map")
+    );
+    let fleet = |more: &str| yard.run(&run(&format!("{asked} {more}")));
+    let plain = fleet("").expect(SUCCESS).json();
+    assert_eq!(plain["guidance_digest"], Value::Null);
+    let neutral = fleet("--guidance neutral.json").expect(SUCCESS).json();
+    assert_eq!(digest(&neutral), digest(&plain));
+    let guided = fleet("--guidance east.json --record run")
+        .expect(SUCCESS)
+        .json();
+    assert_ne!(digest(&guided), digest(&plain));
+    assert_ne!(guided["guidance_digest"], neutral["guidance_digest"]);
+    let replayed = yard
+        .line("fleet --replay run --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(digest(&replayed), digest(&guided));
+    assert_eq!(replayed["guidance_digest"], guided["guidance_digest"]);
+    yard.write("east.json", file(600));
+    let refused = yard.line("fleet --replay run").expect(INPUT);
+    assert!(
+        refused
+            .stderr
+            .contains("other robots, tasks, starts or guidance"),
+        "{refused}"
+    );
+    let elsewhere = format!(
+        "fleet --map {} --agents 2 --planner pibt --guidance east.json",
+        map("maze-21-21-1.map")
+    );
+    let refused = yard.line(&elsewhere).expect(INPUT);
+    assert!(
+        refused.stderr.contains("east.json: moves has 8 rows"),
+        "{refused}"
+    );
+    assert!(
+        refused
+            .stderr
+            .contains("hint: name the map that it was made for"),
+        "{refused}"
+    );
+    let unread = yard.run(&run(&format!(
+        "--map {} --duration 5s --guidance neutral.json",
+        map("empty-8-8.map")
+    )));
+    let unread = unread.expect(SUCCESS);
+    assert!(
+        unread.stderr.contains("nobody reads neutral.json"),
+        "{unread}"
+    );
+}
+
+#[test]
 fn kept_bytes_outlive_the_process_that_kept_them() {
     let yard = Yard::new();
     let asked = "--duration 20s --option fault=keeps-and-crashes --option every=3 --record run";

@@ -22,6 +22,7 @@ mod fleet;
 pub mod fuzz;
 mod fuzz_corpus;
 mod grace;
+mod guide;
 mod league;
 mod maze_benchmark;
 mod protocol;

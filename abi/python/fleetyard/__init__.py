@@ -29,7 +29,7 @@ from ._failures import (
     Unsupported,
 )
 from ._maps import Environment, Footprint, Grid, Mover, Parts, Roadmap, Workspace
-from ._memory import KEPT_LIMIT, GoalTasks, RestOfPlan, Snapshot, Traffic
+from ._memory import KEPT_LIMIT, GoalTasks, Guidance, RestOfPlan, Snapshot, Traffic
 from ._model import (
     OFF_MAP,
     Assignment,
@@ -75,6 +75,7 @@ __all__ = [
     "GaveUp",
     "GoalTasks",
     "Grid",
+    "Guidance",
     "Infeasible",
     "Instance",
     "InstanceGenerator",

@@ -16,7 +16,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 from . import _memory
 from ._failures import InvalidInput, Unsupported
-from ._memory import GoalTasks, RestOfPlan, Traffic
+from ._memory import GoalTasks, Guidance, RestOfPlan, Traffic
 from ._numbers import Point, finite, lists, number, numbers, places, point, same_length
 
 MOVES = {
@@ -58,6 +58,11 @@ class Parts(Dict[str, Any]):
     def goal_tasks(self) -> Optional[GoalTasks]:
         """The tasks of goals, if the host keeps them for this plugin."""
         return self.get(_memory.GOAL_TASKS)
+
+    @property
+    def guidance(self) -> Optional[Guidance]:
+        """The guidance graph of the map, if the run has one and this plugin reads it."""
+        return self.get(_memory.GUIDANCE)
 
     @property
     def kept(self) -> Optional[bytes]:

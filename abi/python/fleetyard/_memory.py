@@ -16,6 +16,7 @@ from ._numbers import number, whole
 TRAFFIC = "fleetyard.traffic/1"
 REST_OF_PLAN = "fleetyard.rest-of-plan/1"
 GOAL_TASKS = "fleetyard.goal-tasks/1"
+GUIDANCE = "fleetyard.guidance/1"
 KEPT = "fleetyard.kept/1"
 
 KEPT_LIMIT = 1 << 20
@@ -135,10 +136,33 @@ class GoalTasks:
         )
 
 
+@dataclass(frozen=True)
+class Guidance:
+    """A guidance graph: factors on what moves and waits cost, in units of 1/100, from 10 to 10000.
+    Where it is cheap robots are to go, where it is dear they are not."""
+
+    moves: List[int]
+    """Per move, in the order of :attr:`Snapshot.flow`. Moves that the map does not have have one as
+    well."""
+    waits: List[int]
+    """Per place, for a wait there."""
+
+    @classmethod
+    def _from_wire(cls, wire: Mapping[str, Any]) -> Guidance:
+        def factors(name: str) -> List[int]:
+            values = [whole(value) for value in wire[name]]
+            if any(not 10 <= value <= 10_000 for value in values):
+                raise ValueError(f"the factors `{name}` are not all from 10 to 10000")
+            return values
+
+        return cls(factors("moves"), factors("waits"))
+
+
 READ: Dict[str, Callable[[Any], Any]] = {
     TRAFFIC: Traffic._from_wire,
     REST_OF_PLAN: RestOfPlan._from_wire,
     GOAL_TASKS: GoalTasks._from_wire,
+    GUIDANCE: Guidance._from_wire,
     KEPT: bytes.fromhex,
 }
 """How the data of known parts are read."""

@@ -236,6 +236,10 @@ class Session(unittest.TestCase):
                     "given_s": [9, 21.5],
                 },
             },
+            {
+                "id": "fleetyard.guidance/1",
+                "data": {"moves": [100, 10], "waits": [10_000]},
+            },
             {"id": "fleetyard.kept/1", "data": "00a1"},
         ]
         call = request(3, "plan", instance=dict(INSTANCE, parts=parts), budget=BUDGET)
@@ -252,6 +256,7 @@ class Session(unittest.TestCase):
         self.assertEqual(memory.rest_of_plan.paths, ["E.", ""])
         self.assertEqual(memory.goal_tasks.tasks, [7, None])
         self.assertEqual(memory.goal_tasks.given_s, [9.0, 21.5])
+        self.assertEqual((memory.guidance.moves, memory.guidance.waits), ([100, 10], [10_000]))
         self.assertEqual(memory.kept, b"\x00\xa1")
         self.assertEqual(fleetyard.Parts().kept, None)
 

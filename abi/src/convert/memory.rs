@@ -6,7 +6,7 @@ use std::ptr;
 use super::{Kept, copied, finite, invalid, lists, reserved, size_of, whole};
 use crate::c;
 use crate::lists::Lists;
-use crate::memory::{self, Data, GoalTasks, RestOfPlan, Snapshot, Traffic};
+use crate::memory::{self, Data, GoalTasks, Guidance, RestOfPlan, Snapshot, Traffic};
 use crate::sdk::Failure;
 
 /// The structure of a part's data and its flags; null for JSON, which has no structure of its own.
@@ -17,6 +17,7 @@ pub(super) fn data_to_c(data: &Data, kept: &mut Kept) -> *const c_void {
         Data::Traffic(traffic) => traffic_to_c(traffic, kept).cast(),
         Data::RestOfPlan(rest) => rest_to_c(rest, kept).cast(),
         Data::GoalTasks(tasks) => goal_tasks_to_c(tasks, kept).cast(),
+        Data::Guidance(guidance) => kept.one(guidance_to_c(guidance)).cast(),
         Data::Kept(data) => kept.one(bytes_to_c(&data.bytes)).cast(),
     }
 }
@@ -77,6 +78,16 @@ fn goal_tasks_to_c(tasks: &GoalTasks, kept: &mut Kept) -> *const c::GoalTasks {
     kept.one(raw)
 }
 
+fn guidance_to_c(guidance: &Guidance) -> c::Guidance {
+    c::Guidance {
+        struct_size: size_of::<c::Guidance>(),
+        places: guidance.waits.len() as u32,
+        move_count: guidance.moves.len() as u64,
+        moves: guidance.moves.as_ptr(),
+        waits: guidance.waits.as_ptr(),
+    }
+}
+
 /// The C form of bytes; valid as long as they are.
 pub(super) fn bytes_to_c(bytes: &[u8]) -> c::Bytes {
     c::Bytes {
@@ -97,6 +108,7 @@ pub(super) unsafe fn data_from_c(id: &str, data: *const c_void) -> Result<Option
         c::TRAFFIC_ID => Data::Traffic(unsafe { traffic_from_c(data.cast())? }.into()),
         c::REST_OF_PLAN_ID => Data::RestOfPlan(unsafe { rest_from_c(data.cast())? }.into()),
         c::GOAL_TASKS_ID => Data::GoalTasks(unsafe { goal_tasks_from_c(data.cast())? }.into()),
+        c::GUIDANCE_ID => Data::Guidance(unsafe { guidance_from_c(data.cast())? }.into()),
         c::KEPT_ID => {
             let bytes = unsafe { bytes_from_c(data.cast())? };
             Data::Kept(memory::Kept { bytes }.into())
@@ -178,6 +190,25 @@ unsafe fn goal_tasks_from_c(pointer: *const c::GoalTasks) -> Result<GoalTasks, F
         released_s,
         given_s,
     })
+}
+
+/// # Safety
+/// As [`data_from_c`].
+unsafe fn guidance_from_c(pointer: *const c::Guidance) -> Result<Guidance, Failure> {
+    // SAFETY: by the caller's promise, here and below.
+    let raw = unsafe { whole("guidance", pointer)? };
+    let moves =
+        usize::try_from(raw.move_count).map_err(|_| invalid("guidance.moves are too many"))?;
+    let guidance = Guidance {
+        // SAFETY: as promised.
+        moves: unsafe { copied("guidance.moves", raw.moves, moves)? },
+        // SAFETY: as promised.
+        waits: unsafe { copied("guidance.waits", raw.waits, raw.places as usize)? },
+    };
+    guidance
+        .check()
+        .map_err(|reason| invalid(format!("guidance.{reason}")))?;
+    Ok(guidance)
 }
 
 /// Copies bytes; refuses more than a plugin may keep before it reads them.

@@ -482,19 +482,23 @@ static void memory(void) {
   const uint32_t errands[] = {1};
   const double times[] = {2.5};
   const FleetyardGoalTasks goals = {sizeof goals, 0, 1, 9, tasks, errands, times, times};
+  const uint16_t factors[] = {100, 250};
+  const FleetyardGuidance guidance = {sizeof guidance, 2, 2, factors, factors};
   const FleetyardBytes kept = {sizeof kept, 0, averages, 2};
   FleetyardPart list[] = {{FLEETYARD_TEXT(FLEETYARD_TRAFFIC_ID), &traffic, 0, 0},
                           {FLEETYARD_TEXT(FLEETYARD_REST_OF_PLAN_ID), &rest, 0, 0},
                           {FLEETYARD_TEXT(FLEETYARD_GOAL_TASKS_ID), &goals, 0, 0},
+                          {FLEETYARD_TEXT(FLEETYARD_GUIDANCE_ID), &guidance, 0, 0},
                           {FLEETYARD_TEXT(FLEETYARD_KEPT_ID), &kept, 0, 0}};
-  FleetyardParts parts = {list, 4};
+  FleetyardParts parts = {list, 5};
   CHECK(fleetyard_traffic(&parts)->last->waiting[1] == 255);
   CHECK(fleetyard_move_of(fleetyard_rest_of_plan(&parts)->moves[0]) == 1);
   CHECK(fleetyard_move_of('.') == 8 && fleetyard_move_of('x') < 0 && fleetyard_move_of(0) < 0);
   CHECK(fleetyard_goal_tasks(&parts)->tasks[0] == 7 && fleetyard_kept(&parts)->len == 2);
+  CHECK(fleetyard_guidance(&parts)->moves[1] == 250);
   traffic.struct_size--;
   list[1].flags = FLEETYARD_PART_JSON;
-  parts.count = 3;
+  parts.count = 4;
   CHECK(!fleetyard_traffic(&parts) && !fleetyard_rest_of_plan(&parts) && !fleetyard_kept(&parts));
 
   sink.get_extension = keeps_nothing;

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use fleetyard_abi::convert::{CEnvironment, CInstance, size_of};
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{
-    Annotation, ControlPlan, Environment, GridEnvironment, GridPlan, Instance, Knot, KnotPlan,
-    Lists, Plan, RoadmapEnvironment, Robot, Shape, State, Status, Visit, VisitPlan,
+    Annotation, ControlPlan, Environment, GridEnvironment, GridPlan, Guidance, Instance, Knot,
+    KnotPlan, Lists, Plan, RoadmapEnvironment, Robot, Shape, State, Status, Visit, VisitPlan,
     WorkspaceEnvironment, c,
 };
 
@@ -339,6 +339,64 @@ fn reserved_fields_are_zero() {
     let odd = part(0, 1);
     let read = environment::<c::Grid>(grid(), |raw, _| raw.parts = with(&odd));
     refused(read, invalid, "part.reserved is 1");
+}
+
+#[test]
+fn factors_of_guidance_are_within_their_bounds() {
+    let factors: [u16; 4] = [100, 10, 10_000, 99];
+    let mut raw = c::Guidance {
+        struct_size: size_of::<c::Guidance>(),
+        places: 2,
+        move_count: 4,
+        moves: factors.as_ptr(),
+        waits: factors.as_ptr(),
+    };
+    let read = |raw: &c::Guidance| {
+        let mut part = part(0, 0);
+        part.id = c::Str::new(c::GUIDANCE_ID);
+        part.data = (&raw const *raw).cast();
+        instance(&Instance::default(), |instance| {
+            instance.parts = with(&part);
+        })
+    };
+    let found = read(&raw).unwrap();
+    assert_eq!(found.guidance().unwrap().waits, [100, 10]);
+    for (hostile, message) in [(9, "moves[3] is 9"), (10_001, "moves[3] is 10001")] {
+        let factors = [100, 10, 10_000, hostile];
+        raw.moves = factors.as_ptr();
+        refused(read(&raw), Status::InvalidInput, message);
+    }
+    raw.moves = std::ptr::null();
+    refused(read(&raw), Status::InvalidInput, "guidance.moves");
+    let json = |data: serde_json::Value| {
+        let part = serde_json::json!({ "id": c::GUIDANCE_ID, "data": data });
+        serde_json::from_value::<fleetyard_abi::Part>(part).map_err(|error| error.to_string())
+    };
+    for (data, message) in [
+        (
+            serde_json::json!({ "moves": [0], "waits": [] }),
+            "moves[0] is 0",
+        ),
+        (
+            serde_json::json!({ "moves": [], "waits": [100, 65535] }),
+            "waits[1] is 65535",
+        ),
+        (serde_json::json!({ "moves": [-1], "waits": [] }), "-1"),
+        (serde_json::json!({ "moves": [1.5], "waits": [] }), "1.5"),
+        (serde_json::json!({ "moves": [null], "waits": [] }), "null"),
+        (serde_json::json!({ "moves": [] }), "waits"),
+    ] {
+        let error = json(data).unwrap_err();
+        assert!(error.contains(message), "{error}");
+    }
+    let guidance = Guidance::neutral(8, 2);
+    assert_eq!(guidance.check_size(8, 2), Ok(()));
+    assert!(
+        guidance
+            .check_size(4, 1)
+            .unwrap_err()
+            .contains("8 factors of moves")
+    );
 }
 
 #[test]

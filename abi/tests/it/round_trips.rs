@@ -11,9 +11,9 @@ use fleetyard_abi::paths::{PlanContext, WritePlan};
 use fleetyard_abi::wire::PlanText;
 use fleetyard_abi::{
     Annotation, ControlPlan, Environment, FleetState, Footprint, GoalTasks, GridEnvironment,
-    GridPlan, Heading, Instance, Kept, Knot, KnotPlan, Limit, Lists, Motion, MotionPlan, Mover,
-    Objective, Part, PathEncoding, Plan, PlanRef, RestOfPlan, RoadmapEnvironment, Robot, Snapshot,
-    State, Task, Traffic, View, Visit, VisitPlan, WorkspaceEnvironment,
+    GridPlan, Guidance, Heading, Instance, Kept, Knot, KnotPlan, Limit, Lists, Motion, MotionPlan,
+    Mover, Objective, Part, PathEncoding, Plan, PlanRef, RestOfPlan, RoadmapEnvironment, Robot,
+    Snapshot, State, Task, Traffic, View, Visit, VisitPlan, WorkspaceEnvironment,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -90,11 +90,14 @@ fn memory() -> impl Strategy<Value = Part> {
         }
         tasks
     });
+    let factors = || vec(10_u16..=10_000, 0..40);
+    let guidance = (factors(), factors()).prop_map(|(moves, waits)| Guidance { moves, waits });
     let kept = vec(any::<u8>(), 0..300).prop_map(|bytes| Kept { bytes });
     prop_oneof![
         traffic().prop_map(Part::from),
         rest.prop_map(Part::from),
         goals.prop_map(Part::from),
+        guidance.prop_map(Part::from),
         kept.prop_map(Part::from),
     ]
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fleetyard_abi::{GoalTasks, Kept, RestOfPlan, Traffic, wire};
+use fleetyard_abi::{GoalTasks, Guidance, Kept, RestOfPlan, Traffic, wire};
 use schemars::generate::SchemaSettings;
 
 /// Every message of the protocol, by the name of its method and its part.
@@ -38,6 +38,8 @@ struct Messages<'a> {
     rest_of_plan_part: RestOfPlan,
     /// Data of the part `fleetyard.goal-tasks/1`.
     goal_tasks_part: GoalTasks,
+    /// Data of the part `fleetyard.guidance/1`.
+    guidance_part: Guidance,
     /// Data of the part `fleetyard.kept/1`.
     kept_part: Kept,
 }

@@ -659,18 +659,22 @@ void memory_is_read() {
   const double times[] = {2.5};
   const FleetyardRestOfPlan rest = {sizeof rest, 1, offsets, letters};
   const FleetyardGoalTasks goals = {sizeof goals, 0, 1, 9, tasks, errands, times, times};
+  const std::uint16_t factors[] = {100, 250};
+  const FleetyardGuidance guidance = {sizeof guidance, 1, 2, factors, factors};
   const FleetyardBytes kept = {sizeof kept, 0, averages, 2};
   FleetyardPart list[] = {{fleetyard::detail::str(FLEETYARD_TRAFFIC_ID), &traffic, 0, 0},
                           {fleetyard::detail::str(FLEETYARD_REST_OF_PLAN_ID), &rest, 0, 0},
                           {fleetyard::detail::str(FLEETYARD_GOAL_TASKS_ID), &goals, 0, 0},
+                          {fleetyard::detail::str(FLEETYARD_GUIDANCE_ID), &guidance, 0, 0},
                           {fleetyard::detail::str(FLEETYARD_KEPT_ID), &kept, 0, 0}};
-  world.instance.parts = {list, 4};
+  world.instance.parts = {list, 5};
   const fleetyard::Instance instance(&world.instance);
   EXPECT(instance.traffic()->last().number == 1 && instance.traffic()->before().flow[1] == 255);
   EXPECT(same(instance.traffic()->since_s(), 3.5));
   EXPECT(instance.rest_of_plan()->moves(0) == "E.");
   EXPECT(instance.goal_tasks()->tasks[0] == fleetyard::GoalTasks::no_task);
   EXPECT(same(instance.goal_tasks()->given_s[0], 2.5) && instance.kept().size() == 2);
+  EXPECT(instance.guidance()->moves[1] == 250 && instance.guidance()->waits.size() == 1);
   second.struct_size--;
   EXPECT(failure_of([&] { instance.traffic(); }).find("struct_size") != std::string::npos);
   world.instance.parts = {};

@@ -177,6 +177,7 @@ impl FleetModules {
             fleet: bodies.as_ref(),
             tasks: None,
             starts: None,
+            guidance: None,
         };
         let mut watch = PlannerWatch::default();
         let before = Snapshot::take(None);

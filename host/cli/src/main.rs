@@ -102,13 +102,11 @@ fn main() {
 }
 
 fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
+    let given = matches.subcommand().map_or(matches, |(_, given)| given);
     match command {
         Command::Run(arguments) => run(arguments),
         Command::Compare(arguments) => compare(arguments),
-        Command::Fleet(arguments) => {
-            let given = matches.subcommand().map_or(matches, |(_, given)| given);
-            fleet(arguments, given)
-        }
+        Command::Fleet(arguments) => fleet(arguments, given),
         Command::Bench(arguments) => bench(arguments),
         Command::Store(what) => stores(what),
         Command::Report(arguments) => report(arguments),
@@ -118,7 +116,7 @@ fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
         Command::Trace(what) => trace(what),
         Command::Jobs(what) => jobs(what),
         Command::Plugins(what) => plugins(what),
-        Command::Maps(what) => maps(what),
+        Command::Maps(what) => maps(what, given),
         Command::Worlds(what) => worlds(what),
         Command::Doctor(arguments) if arguments.security => security(arguments),
         Command::Doctor(arguments) => doctor(arguments),

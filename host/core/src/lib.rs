@@ -14,6 +14,7 @@ mod files;
 pub mod formats;
 mod frame;
 mod grid;
+mod guidance_file;
 mod instance;
 pub mod json;
 mod map_file;
@@ -45,6 +46,9 @@ pub use files::{
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{
     Connectivity, Grid, MovesError, Role, Separation, move_bit, move_step, opposite_move,
+};
+pub use guidance_file::{
+    GUIDANCE_FILE_LIMIT, load_guidance, read_guidance, save_guidance, write_guidance,
 };
 pub use instance::{GridInstance, InstanceError};
 pub use map_file::{MAP_FILE_LIMIT, load_map, map_bytes, read_map, save_map, write_map};

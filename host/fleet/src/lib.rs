@@ -11,6 +11,7 @@ mod call;
 mod config;
 mod course;
 mod error;
+pub mod guide;
 mod memory;
 mod modules;
 mod outcome;

@@ -7,8 +7,8 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Assignment, FleetState, GoalTasks, Heading, Instance, Kept, Kind, Part, RestOfPlan, Snapshot,
-    Traffic, c,
+    Assignment, FleetState, GoalTasks, Guidance, Heading, Instance, Kept, Kind, Part, RestOfPlan,
+    Snapshot, Traffic, c,
 };
 use fleetyard_core::{Digest, Grid, Hasher};
 
@@ -26,6 +26,7 @@ pub fn memory_of(features: &[String]) -> Vec<String> {
         c::TRAFFIC_ID,
         c::REST_OF_PLAN_ID,
         c::GOAL_TASKS_ID,
+        c::GUIDANCE_ID,
         c::KEPT_ID,
     ];
     let reads = |part: &&str| {
@@ -35,6 +36,13 @@ pub fn memory_of(features: &[String]) -> Vec<String> {
         names.into_iter().any(|name| name == *part)
     };
     kept.into_iter().filter(reads).map(str::to_owned).collect()
+}
+
+/// Number of a move from a cell to one beside it, in the order of [`Snapshot::flow`].
+pub(crate) fn number_of_move(from: u32, to: u32, cols: u32) -> usize {
+    // Headings are numbered from the east on, moves from the north on.
+    let heading = Heading::of_move(from, to, cols).code() as usize;
+    4 * from as usize + (heading + 1) % 4
 }
 
 /// An average of 1.
@@ -128,9 +136,7 @@ impl Traffics {
     fn done(&mut self, agent: usize, cell: u32) {
         let from = std::mem::replace(&mut self.at[agent], cell);
         if from != cell {
-            // Headings are numbered from the east on, moves from the north on.
-            let heading = Heading::of_move(from, cell, self.cols).code() as usize;
-            self.flow.counts[4 * from as usize + (heading + 1) % 4] += 1;
+            self.flow.counts[number_of_move(from, cell, self.cols)] += 1;
         }
     }
 
@@ -195,6 +201,8 @@ pub(crate) struct Keeper {
     traffic: Option<Traffics>,
     goal_tasks: bool,
     rest_of_plan: bool,
+    /// The same in the whole run.
+    guidance: Option<Arc<Guidance>>,
     kept: bool,
     /// Bytes that modules kept last.
     bytes: Bytes,
@@ -212,10 +220,10 @@ impl Bytes {
 }
 
 impl Keeper {
-    /// Of a run whose modules read some parts.
+    /// Of a run whose modules read some parts, with the guidance graph of the map, if there is one.
     pub(crate) fn new(
         modules: &[ModuleInfo],
-        grid: &Grid,
+        (grid, guidance): (&Grid, Option<&Arc<Guidance>>),
         starts: &[u32],
         (block_s, step_s): (f64, f64),
     ) -> Self {
@@ -224,6 +232,7 @@ impl Keeper {
             traffic: reads(c::TRAFFIC_ID).then(|| Traffics::new(grid, starts, block_s, step_s)),
             rest_of_plan: reads(c::REST_OF_PLAN_ID),
             goal_tasks: reads(c::GOAL_TASKS_ID),
+            guidance: guidance.filter(|_| reads(c::GUIDANCE_ID)).cloned(),
             kept: reads(c::KEPT_ID),
             bytes: Bytes::default(),
         }
@@ -284,12 +293,13 @@ impl Keeper {
             traffic: traffic.map(|traffic| traffic.part(block).into()),
             rest: self.rest_of_plan.then(|| RestOfPlan { paths: rest }.into()),
             goal_tasks: goal_tasks.map(Arc::new),
+            guidance: self.guidance.clone(),
             bytes: self.bytes.clone(),
         }
     }
 
     /// Adds to the digest of a state what of the memory goes into answers; nothing if nobody reads
-    /// any.
+    /// any. Guidance is the same in the whole run, which has its digest.
     pub(crate) fn hash(&self, memory: &Memory, hasher: &mut Hasher) {
         if let Some(traffic) = &self.traffic {
             hasher.value(&traffic.digest);
@@ -314,6 +324,7 @@ pub(crate) struct Memory {
     rest: Option<Arc<RestOfPlan>>,
     /// Of the goals of the state.
     goal_tasks: Option<Arc<GoalTasks>>,
+    guidance: Option<Arc<Guidance>>,
     bytes: Bytes,
 }
 
@@ -366,8 +377,10 @@ impl Memory {
         let traffic = self.traffic.clone().map(Part::from);
         let rest = self.rest.clone().map(Part::from);
         let goal_tasks = goal_tasks.map(Part::from);
+        let guidance = self.guidance.clone().map(Part::from);
         let kept = self.bytes.of(module.kind).cloned().map(Part::from);
-        let parts = [traffic, rest, goal_tasks, kept].into_iter().flatten();
+        let parts = [traffic, rest, goal_tasks, guidance, kept];
+        let parts = parts.into_iter().flatten();
         parts.filter(|part| module.reads(&part.id)).collect()
     }
 }
@@ -617,7 +630,7 @@ mod tests {
         let nobody = module(Kind::InstanceGenerator, &[]);
         assert_eq!(planner.memory, [c::TRAFFIC_ID, c::KEPT_ID]);
         let all = [planner.clone(), policy.clone(), nobody.clone()];
-        let mut keeper = Keeper::new(&all, &grid, &[0], (BLOCK_S, 0.5));
+        let mut keeper = Keeper::new(&all, (&grid, None), &[0], (BLOCK_S, 0.5));
         assert!(keeper.wants_rest() && !keeper.wants_goal_tasks());
         let kept = |bytes: &[u8]| Some(bytes.to_vec());
         let memory = keeper.recall(0, vec!["E".into()], None);

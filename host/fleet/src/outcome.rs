@@ -262,6 +262,9 @@ pub struct FleetOutcome {
     pub map: String,
     /// Digest of the map.
     pub map_digest: Digest,
+    /// Digest of the guidance graph, if there was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub guidance_digest: Option<Digest>,
     /// The plugins.
     pub modules: Vec<ModuleInfo>,
     /// The configuration.
@@ -278,6 +281,10 @@ pub struct FleetOutcome {
     pub events: Vec<FleetEvent>,
     /// Per cell, row by row, for how many seconds robots stood still there.
     pub waiting_s_per_cell: Vec<f64>,
+    /// Per cell and move, in the order of the letters `NESW`, how often robots did it. Files have none
+    /// of it.
+    #[serde(skip)]
+    pub moves: Vec<u32>,
 }
 
 impl FleetOutcome {

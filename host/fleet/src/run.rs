@@ -10,7 +10,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Capability, FleetState, FleetStatus, Heading, Instance, Motion, Robot, SharedEnvironment,
+    Capability, FleetState, FleetStatus, Guidance, Heading, Instance, Motion, Robot,
+    SharedEnvironment,
 };
 use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, GridPlan, Hasher, InputError, OFF_MAP};
@@ -47,10 +48,12 @@ pub struct Ground<'a> {
     /// Cells in which the first robots of the run start, looking east; without them they start
     /// in cells that are drawn, looking north.
     pub starts: Option<&'a [u32]>,
+    /// The guidance graph of the map, for modules that read one.
+    pub guidance: Option<&'a Arc<Guidance>>,
 }
 
 impl Ground<'_> {
-    /// Digest of robots, tasks and starts.
+    /// Digest of robots, tasks, starts and guidance.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new("fleetyard.ground/2");
         hasher.value(&self.fleet.map(Fleet::profiles));
@@ -62,7 +65,19 @@ impl Ground<'_> {
         if let Some(starts) = self.starts {
             hasher.u32s(starts);
         }
+        if let Some(digest) = self.guidance_digest() {
+            hasher.value(&digest);
+        }
         hasher.finish()
+    }
+
+    /// Digest of the guidance graph, if there is one.
+    fn guidance_digest(&self) -> Option<Digest> {
+        self.guidance.map(|guidance| {
+            let mut hasher = Hasher::new("fleetyard.guidance/1");
+            hasher.value(guidance.as_ref());
+            hasher.finish()
+        })
     }
 
     /// The source of starts and goals, and the heading of all robots at the start.
@@ -229,8 +244,8 @@ fn checked(ground: &Ground<'_>, recording: &Recording) -> Result<FleetConfig, Fl
     }
     if header.ground_digest != ground.digest() {
         return wrong(
-            "other robots, tasks or starts",
-            "the file of the fleet, of the tasks or of the starts was changed since, or is another one",
+            "other robots, tasks, starts or guidance",
+            "the file of the fleet, the tasks, the starts or the guidance was changed since, or is another one",
         );
     }
     Ok(header.config.clone())
@@ -338,6 +353,11 @@ impl<'a> Run<'a> {
     ) -> Result<Self, FleetError> {
         config.validate()?;
         let grid = ground.grid;
+        if let Some(guidance) = ground.guidance {
+            let cells = grid.cell_count() as usize;
+            let fits = guidance.check().and(guidance.check_size(4 * cells, cells));
+            fits.map_err(|reason| InputError::new("guidance", reason))?;
+        }
         let (assigner, heading) = ground.assigner(config)?;
         let starts = assigner.starts();
         let heading_rad = match heading {
@@ -371,7 +391,7 @@ impl<'a> Run<'a> {
         let recording = answers.replay().map(Replay::recording);
         let keeper = Keeper::new(
             recording.map_or(&infos, |recording| &recording.header().modules),
-            grid,
+            (grid, ground.guidance),
             &starts,
             (period_s, config.sim.step_s),
         );
@@ -394,7 +414,7 @@ impl<'a> Run<'a> {
         };
         let answers = answers.start(|modules| start(ground, config, modules))?;
         Ok(Self {
-            tally: Tally::new(config, period_s, grid.cell_count()),
+            tally: Tally::new(config, period_s, grid, &starts),
             limit: if config.is_synchronous() {
                 0
             } else {
@@ -505,6 +525,7 @@ impl<'a> Run<'a> {
                     let agent = agent as usize;
                     adg.complete(agent, live.done(agent), live.left(agent), &mut |node| {
                         keeper.done(agent, node.cell);
+                        tally.moves.done(agent, node.cell);
                         if let Some(goal) = node.goal {
                             reached(assigner, agent, goal);
                         }
@@ -514,6 +535,7 @@ impl<'a> Run<'a> {
             Course::Synchronous(steps) => steps.learn(&mut |agent, cell, goal, moved| {
                 if moved {
                     keeper.done(agent, cell);
+                    tally.moves.done(agent, cell);
                 }
                 let is_there = assigner.goal(agent, goal) == cell;
                 if is_there {
@@ -916,6 +938,7 @@ impl<'a> Run<'a> {
             fleetyard: env!("CARGO_PKG_VERSION"),
             map: self.ground.grid.name().to_owned(),
             map_digest: self.ground.grid.digest(),
+            guidance_digest: self.ground.guidance_digest(),
             modules: self.infos,
             config: self.config.clone(),
             ended,
@@ -924,6 +947,7 @@ impl<'a> Run<'a> {
                 figures: simulated.figures(wall_s),
                 wall_s,
             },
+            moves: self.tally.moves.counts,
             series: self.tally.series,
             events: self.tally.events,
             waiting_s_per_cell,

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use fleetyard_core::Grid;
+
+use crate::memory::number_of_move;
 use crate::recording::{Notice, Round};
 use crate::{
     By, CallTimes, Decay, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
@@ -26,6 +29,7 @@ pub(crate) struct Tally {
     waited: u64,
     /// Blocks that robots stood still in a cell.
     waited_in: Vec<u64>,
+    pub(crate) moves: Moves,
     calls: u64,
     fail_calls: u64,
     adg_nodes: usize,
@@ -37,8 +41,30 @@ pub(crate) struct Tally {
     unplanned: u64,
 }
 
+/// Moves that robots did.
+#[derive(Debug)]
+pub(crate) struct Moves {
+    /// By cell and direction.
+    pub(crate) counts: Vec<u32>,
+    /// Cells where robots were last known.
+    at: Vec<u32>,
+    /// Columns of the map.
+    cols: u32,
+}
+
+impl Moves {
+    /// A robot has done the move into a cell.
+    pub(crate) fn done(&mut self, agent: usize, cell: u32) {
+        let from = std::mem::replace(&mut self.at[agent], cell);
+        if from != cell {
+            self.counts[number_of_move(from, cell, self.cols)] += 1;
+        }
+    }
+}
+
 impl Tally {
-    pub(crate) fn new(config: &FleetConfig, period_s: f64, cells: u32) -> Self {
+    pub(crate) fn new(config: &FleetConfig, period_s: f64, grid: &Grid, starts: &[u32]) -> Self {
+        let cells = grid.cell_count() as usize;
         Self {
             ticks: (period_s * f64::from(config.sim.ticks_hz)).round(),
             ticks_hz: f64::from(config.sim.ticks_hz),
@@ -50,7 +76,12 @@ impl Tally {
             goals_reached: 0,
             waiting: 0,
             waited: 0,
-            waited_in: vec![0; cells as usize],
+            waited_in: vec![0; cells],
+            moves: Moves {
+                counts: vec![0; 4 * cells],
+                at: starts.to_vec(),
+                cols: grid.cols(),
+            },
             calls: 0,
             fail_calls: 0,
             adg_nodes: 0,

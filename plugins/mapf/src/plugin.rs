@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{
-    Budget, Capability, GridEnvironment, GridPlan, Instance, Motion, Status, c, monotonic_ns,
+    Budget, Capability, GridEnvironment, GridPlan, Guidance, Instance, Motion, Status, c,
+    monotonic_ns,
 };
-use fleetyard_plugin_spacetime::graph::Graph;
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph};
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{ProblemError, graph_of};
 use schemars::JsonSchema;
@@ -161,7 +162,7 @@ impl Method for PibtOptions {
         Capability::Windowed,
         Capability::DuplicateGoals,
     ];
-    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID];
+    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID, c::GUIDANCE_ID];
     type Map = Roads;
 
     fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Roads, Failure> {
@@ -229,7 +230,7 @@ impl Method for EpibtOptions {
         Capability::DuplicateGoals,
         Capability::Idle,
     ];
-    const PARTS: &'static [&'static str] = &[c::REST_OF_PLAN_ID];
+    const PARTS: &'static [&'static str] = &[c::REST_OF_PLAN_ID, c::GUIDANCE_ID];
     type Map = Block;
 
     fn check(&self) -> Result<(), String> {
@@ -253,7 +254,7 @@ impl Method for EpibtOptions {
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let turning = turns(instance)?;
-        let journeys = block.journeys(instance, turning, call.budget.threads);
+        let journeys = block.journeys(instance, turning, call.budget.threads)?;
         let rest = block.rest(instance);
         let query = epibt::Query {
             step_limit: self.step_limit,
@@ -349,12 +350,17 @@ impl Block {
         })
     }
 
-    fn journeys<'a>(&self, instance: &'a Instance, turning: bool, threads: u32) -> Journeys<'a> {
+    fn journeys<'a>(
+        &self,
+        instance: &'a Instance,
+        turning: bool,
+        threads: u32,
+    ) -> Result<Journeys<'a>, ProblemError> {
         let mut turn = Turning::of(instance);
         if turning {
             turn.quarter_s = turn.quarter_s.max(self.step_s);
         }
-        Journeys {
+        Ok(Journeys {
             starts: &instance.starts,
             goals: &instance.goals,
             headings: instance.headings.as_deref(),
@@ -362,7 +368,8 @@ impl Block {
             // Several steps ahead crowds are seen for themselves.
             traffic: None,
             threads: threads as usize,
-        }
+            guidance: guidance_of(instance, &self.graph)?,
+        })
     }
 
     /// The rest of the last plan, if there is one on this map.
@@ -410,9 +417,27 @@ fn is_lifelong(instance: &Instance) -> bool {
     needs.has(Capability::Windowed) || needs.has(Capability::DuplicateGoals)
 }
 
+/// The guidance graph of an instance, if there is one and it is of the map.
+fn guidance_of<'a>(
+    instance: &'a Instance,
+    graph: &Graph,
+) -> Result<Option<&'a Guidance>, ProblemError> {
+    let guidance = instance.guidance();
+    if let Some(guidance) = guidance {
+        let cells = graph.cell_count();
+        let fits = guidance.check_size(DIRECTIONS * cells, cells);
+        fits.map_err(|reason| ProblemError::Malformed { reason })?;
+    }
+    Ok(guidance)
+}
+
 /// Data that both planners keep between calls: the map, and the distances to goals.
 pub struct Roads {
     lifelong: Lifelong,
+    lane_charge: u32,
+    step_s: f64,
+    bytes: u64,
+    /// Made when there are lanes, or guidance.
     streets: Option<Streets>,
 }
 
@@ -420,11 +445,23 @@ impl Roads {
     fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u32) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid)?);
         let bytes = half_of_memory(budget);
-        let streets = || Streets::new(&graph, lane_charge, grid.step_s, bytes / 2).with_signals();
-        Ok(Self {
-            streets: (lane_charge > 0).then(streets),
+        let mut roads = Self {
             lifelong: Lifelong::new(graph, TABLE_BYTES.min(bytes)),
-        })
+            lane_charge,
+            step_s: grid.step_s,
+            bytes,
+            streets: None,
+        };
+        if lane_charge > 0 {
+            roads.make_streets();
+        }
+        Ok(roads)
+    }
+
+    fn make_streets(&mut self) {
+        let graph = self.lifelong.graph();
+        let streets = Streets::new(graph, self.lane_charge, self.step_s, self.bytes / 2);
+        self.streets = Some(streets.with_signals());
     }
 
     fn plan(
@@ -496,7 +533,13 @@ impl Roads {
             seed: call.budget.seed,
         };
         let stop = &mut || call.stop();
-        let streets = self.streets.as_mut().filter(|_| query.window.is_some());
+        let guidance = guidance_of(instance, self.lifelong.graph())?;
+        // A call without lanes goes by distances alone, whatever calls before it had.
+        let by_street = query.window.is_some() && (self.lane_charge > 0 || guidance.is_some());
+        if by_street && self.streets.is_none() {
+            self.make_streets();
+        }
+        let streets = self.streets.as_mut().filter(|_| by_street);
         let ranking = streets.map(|streets| {
             let journeys = Journeys {
                 starts: &instance.starts,
@@ -505,6 +548,7 @@ impl Roads {
                 turning: Turning::of(instance),
                 traffic: instance.traffic(),
                 threads: 1,
+                guidance,
             };
             streets.ranking(journeys, stop)
         });

@@ -15,6 +15,11 @@
 //!   before it grows. Tables of goals take up new averages in turn, not all at once;
 //! - staying costs a step, and leaves the way as long as it was.
 //!
+//! A guidance graph multiplies steps, the charges of lanes among them, and stays by its factors
+//! ([`Guidance`]): Y. Zhang, H. Jiang, V. Bhatt, S. Nikolaidis, J. Li, "Guidance graph optimization
+//! for lifelong multi-agent path finding", IJCAI 2024. Factors whose mean is above 1 count by their
+//! proportions, so that ways stay within what tables hold.
+//!
 //! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
 //! than turn, and nobody would push.
 
@@ -24,10 +29,10 @@ mod signals;
 pub mod ways;
 
 use std::f64::consts::FRAC_PI_2;
-use std::hash::{DefaultHasher, Hasher};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Heading, Instance, Limit, Robot, Traffic};
+use fleetyard_abi::{Goals, Guidance, Heading, Instance, Limit, Robot, Traffic, c};
 use fleetyard_plugin_spacetime::distance::Tables;
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
@@ -144,13 +149,14 @@ pub struct Streets {
     crossings: Crossings,
     step_s: f64,
     tables: Tables<Key, Ways>,
-    /// Costs of the last call, each with its turn and the hash of its averages.
+    /// Costs of the last call, each with its turn and the hash of its averages and its guidance.
     tolls: Vec<(u32, u64, Arc<Tolls>)>,
     /// Distances for those whose tables do not fit.
     gradients: Option<Gradients>,
 }
 
-/// All that decides about a table: the goal, the cost of a turn, and a hash of the averages.
+/// All that decides about a table: the goal, the cost of a turn, and a hash of the averages and of
+/// the guidance graph.
 type Key = (Vertex, u32, u64);
 
 /// The input of [`Streets::ranking`].
@@ -168,6 +174,48 @@ pub struct Journeys<'a> {
     pub traffic: Option<&'a Traffic>,
     /// Threads that look for ways.
     pub threads: usize,
+    /// The guidance graph of the map, if there is one: of as many moves and cells.
+    pub guidance: Option<&'a Guidance>,
+}
+
+/// A guidance graph, and the factor that changes nothing.
+#[derive(Debug, Clone, Copy)]
+struct Guide<'a> {
+    factors: &'a Guidance,
+    neutral: u32,
+}
+
+impl<'a> Guide<'a> {
+    fn new(graph: &Graph, moves: &Moves, factors: &'a Guidance) -> Self {
+        let (mut sum, mut count) = (0, 0);
+        for v in 0..graph.len() as Vertex {
+            for d in (0..DIRECTIONS).filter(|d| moves.away(v, *d).is_some()) {
+                sum += u64::from(factors.moves[DIRECTIONS * graph.cell(v) as usize + d]);
+                count += 1;
+            }
+        }
+        let mean = sum.checked_div(count).unwrap_or(0) as u32;
+        Self {
+            factors,
+            neutral: mean.max(c::GUIDANCE_NEUTRAL.into()),
+        }
+    }
+
+    /// A cost by a factor, at least 1.
+    fn times(self, cost: u32, factor: u16) -> u32 {
+        let product = u64::from(cost) * u64::from(factor) + u64::from(self.neutral / 2);
+        (product / u64::from(self.neutral)).max(1) as u32
+    }
+
+    /// The cost of a move in direction `d` from a cell.
+    fn step(self, cost: u32, cell: u32, d: usize) -> u32 {
+        self.times(cost, self.factors.moves[DIRECTIONS * cell as usize + d])
+    }
+
+    /// The cost of a stay in a cell.
+    fn stay(self, cell: u32) -> u32 {
+        self.times(STEP, self.factors.waits[cell as usize])
+    }
 }
 
 impl Streets {
@@ -232,6 +280,7 @@ impl Streets {
             turning,
             traffic,
             threads,
+            guidance,
         } = journeys;
         self.tables.weigh(IDLE_BYTES, Ways::bytes);
         self.tables.begin();
@@ -240,9 +289,10 @@ impl Streets {
             None => vec![&[][..]],
         };
         let turn = turning.units(self.step_s);
+        let guide = guidance.map(|factors| Guide::new(&self.graph, &self.moves, factors));
         self.tolls = averages
             .into_iter()
-            .map(|waiting| self.price(turn, waiting))
+            .map(|waiting| self.price(turn, waiting, guide))
             .collect();
         let tolls = self
             .tolls
@@ -253,6 +303,7 @@ impl Streets {
         let mut ranking = ByStreet {
             tolls,
             traffic,
+            guide,
             turn,
             starts,
             goals,
@@ -334,8 +385,8 @@ impl Streets {
 
     /// The costs of turns, and of moves where agents wait so much, of the last call if they are the
     /// same.
-    fn price(&self, turn: u32, waiting: &[u8]) -> (u32, u64, Arc<Tolls>) {
-        let hash = hash_of(waiting);
+    fn price(&self, turn: u32, waiting: &[u8], guide: Option<Guide<'_>>) -> (u32, u64, Arc<Tolls>) {
+        let hash = hash_of(&(guide.map(|guide| &guide.factors.moves), waiting));
         let kept = self
             .tolls
             .iter()
@@ -344,12 +395,12 @@ impl Streets {
         (
             turn,
             hash,
-            tolls.unwrap_or_else(|| Arc::new(self.tolls(turn, waiting))),
+            tolls.unwrap_or_else(|| Arc::new(self.tolls(turn, waiting, guide))),
         )
     }
 
     /// Costs of turns, and of moves where agents wait so much, by cell, in units of 1/255.
-    fn tolls(&self, turn: u32, waiting: &[u8]) -> Tolls {
+    fn tolls(&self, turn: u32, waiting: &[u8], guide: Option<Guide<'_>>) -> Tolls {
         self.moves.tolls(turn, |v, d| {
             let to = self.graph.around(v)[d];
             let share = waiting.get(self.graph.cell(to) as usize);
@@ -361,7 +412,8 @@ impl Streets {
             } else {
                 self.lanes.charge(v, d)
             };
-            STEP * (1 + charge + self.crossings.charge(v, to)) + wait
+            let cost = STEP * (1 + charge + self.crossings.charge(v, to));
+            guide.map_or(cost, |guide| guide.step(cost, self.graph.cell(v), d)) + wait
         })
     }
 }
@@ -372,11 +424,11 @@ fn away(graph: &Graph, starts: &[u32], agent: usize, goal: Vertex) -> Option<u32
     Some(graph.manhattan(start, goal))
 }
 
-/// Stands for averages among those of a process. What a number stands for in one run may be
-/// something else in the next.
-fn hash_of(waiting: &[u8]) -> u64 {
+/// Stands for averages and guidance among those of a process. What a number stands for in one run may
+/// be something else in the next.
+fn hash_of(value: &impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
-    hasher.write(waiting);
+    value.hash(&mut hasher);
     hasher.finish()
 }
 
@@ -387,6 +439,7 @@ pub struct ByStreet<'a> {
     /// Cost of a turn by 90°.
     turn: u32,
     traffic: Option<&'a Traffic>,
+    guide: Option<Guide<'a>>,
     /// Costs of moves by the last averages, and by those before, with a hash of the averages.
     tolls: Vec<(u64, Arc<Tolls>)>,
     starts: &'a [u32],
@@ -565,6 +618,7 @@ impl Ranking for ByStreet<'_> {
         };
         let tolls = &self.tolls[journey.tolls].1;
         let around = graph.around(here);
+        let stay = self.guide.map_or(STEP, |guide| guide.stay(place.cell));
         let mut barred = 0;
         let mut keys = [(0, 0); DIRECTIONS + 1];
         let keys = &mut keys[..cells.len()];
@@ -588,7 +642,7 @@ impl Ranking for ByStreet<'_> {
                 {
                     0
                 }
-                None => STEP + ways.from(moves, here, place.heading, tolls),
+                None => stay + ways.from(moves, here, place.heading, tolls),
                 Some(d) => {
                     if let Some(number) = moves.away(here, d) {
                         ways.along(moves, number, d, place.heading, tolls)

@@ -170,6 +170,11 @@ impl Graph {
         self.vertex(cell)
     }
 
+    /// Number of cells of the grid, obstacles among them.
+    pub fn cell_count(&self) -> usize {
+        self.vertices.len()
+    }
+
     /// The vertex of a grid cell, or `None` for an obstacle or a cell off the map.
     #[inline]
     pub fn vertex(&self, cell: u32) -> Option<Vertex> {

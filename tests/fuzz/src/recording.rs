@@ -121,6 +121,7 @@ fn replayed(
         fleet: bodies.as_ref(),
         tasks: place.tasks.as_ref(),
         starts: None,
+        guidance: None,
     };
     let here = path.with_extension("here");
     let header = ground.header(&config, header.modules.clone(), header.setup.clone());

@@ -12,11 +12,15 @@
 #define FLEETYARD_TRAFFIC_ID "fleetyard.traffic/1"
 #define FLEETYARD_REST_OF_PLAN_ID "fleetyard.rest-of-plan/1"
 #define FLEETYARD_GOAL_TASKS_ID "fleetyard.goal-tasks/1"
+#define FLEETYARD_GUIDANCE_ID "fleetyard.guidance/1"
 #define FLEETYARD_KEPT_ID "fleetyard.kept/1"
 #define FLEETYARD_KEEP_ID "fleetyard.keep/1"
 #define FLEETYARD_ANNOTATIONS_ID "fleetyard.annotations/1"
 #define FLEETYARD_ABI_MAJOR 1
 #define FLEETYARD_ABI_MINOR 0
+#define FLEETYARD_GUIDANCE_NEUTRAL 100
+#define FLEETYARD_GUIDANCE_LEAST 10
+#define FLEETYARD_GUIDANCE_MOST 10000
 #define FLEETYARD_KEPT_LIMIT (1 << 20)
 #define FLEETYARD_OK 0
 #define FLEETYARD_REJECTED -1
@@ -332,6 +336,13 @@ typedef struct FleetyardGoalTasks {
   const double *released_s;
   const double *given_s;
 } FleetyardGoalTasks;
+typedef struct FleetyardGuidance {
+  uint32_t struct_size;
+  uint32_t places;
+  uint64_t move_count;
+  const uint16_t *moves;
+  const uint16_t *waits;
+} FleetyardGuidance;
 typedef struct FleetyardBytes {
   uint32_t struct_size;
   uint32_t reserved;

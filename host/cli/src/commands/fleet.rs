@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args};
+use fleetyard_abi::c::GUIDANCE_ID;
 use fleetyard_abi::{Kind, Motion};
 use fleetyard_bench::{BudgetOptions, GivenOptions, Host, Robots, SandboxOptions};
 use fleetyard_bench::{half_of_memory, number, start_modules};
 use fleetyard_core::formats::{TaskList, load_league, load_lorr_tasks};
-use fleetyard_core::{Grid, InputError, load_map};
+use fleetyard_core::{Grid, InputError, load_guidance, load_map};
 use fleetyard_fleet::{
     Allowance, Assign, CallTimes, Clock, CutBy, End, Ended, FleetConfig, FleetOutcome, Ground,
     ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Rules, Watch, replay, resume,
@@ -46,6 +47,10 @@ const GOALS: &str = "Goals";
 /// to do where the planner has no plan that may be driven. docs/fleet.md says what happens
 /// when.
 #[derive(Debug, Args)]
+#[command(
+    mut_arg("agents", |arg| arg.required_unless_present_any(["instance", "replay", "resume"])),
+    mut_arg("planner", |arg| arg.required_unless_present_any(["replay", "resume"])),
+)]
 pub(crate) struct Fleet {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART [with --replay and --resume: the one that was recorded]
     #[arg(long, short, value_name = "FILE", required_unless_present_any = ["instance", "replay", "resume"])]
@@ -54,6 +59,9 @@ pub(crate) struct Fleet {
     /// look east at first [with --replay and --resume: the one that was recorded]
     #[arg(long, short, value_name = "FILE", conflicts_with_all = ["map", "tasks"])]
     instance: Option<PathBuf>,
+    /// Guidance graph of the map, a fleetyard.guidance/1 file, for plugins that read one
+    #[arg(long, help_heading = PLANNING, value_name = "FILE", conflicts_with_all = ["replay", "resume"])]
+    guidance: Option<PathBuf>,
     #[command(flatten)]
     asked: FleetAsked,
     /// Write what plugins answer to a file, from which the run can be had again
@@ -94,10 +102,9 @@ pub(crate) struct Fleet {
 
 /// The settings that decide about a run; a recording has them all.
 #[derive(Debug, Clone, Args)]
-struct FleetAsked {
+pub(super) struct FleetAsked {
     /// Number of robots [default: all of --instance]
-    #[arg(long, short = 'n', value_name = "N", required_unless_present_any = ["instance", "replay", "resume"],
-          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, short = 'n', value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     agents: Option<u32>,
     /// Simulated time to go on
     #[arg(long, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().duration_s), value_parser = positive_seconds)]
@@ -112,8 +119,8 @@ struct FleetAsked {
     /// The planner: a plugin's identifier, or the path of a library, a program or their folder;
     /// PATH:ID picks one of several. Its options may follow
     #[arg(long, short, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
-          action = ArgAction::Set, required_unless_present_any = ["replay", "resume"])]
-    planner: Vec<String>,
+          action = ArgAction::Set)]
+    pub(super) planner: Vec<String>,
     /// The instance generator: who is sent where
     #[arg(long, help_heading = PLANNING, value_names = ["PLUGIN", "NAME=VALUE"], num_args = 1..,
           action = ArgAction::Set, default_value = "windowed-multi-goals")]
@@ -175,7 +182,7 @@ struct FleetAsked {
     assign: Assign,
     /// Tasks, in the format of the League of Robot Runners
     #[arg(long, help_heading = GOALS, value_name = "FILE")]
-    tasks: Option<PathBuf>,
+    pub(super) tasks: Option<PathBuf>,
     /// Number of tasks that are known at a time, per robot
     #[arg(long, help_heading = GOALS, value_name = "RATIO", default_value_t = FleetConfig::default().reveal)]
     reveal: f64,
@@ -190,7 +197,7 @@ struct FleetAsked {
     model: String,
     /// Footprints, models and limits of all robots, a fleetyard.fleet/1 file
     #[arg(long, help_heading = ROBOTS, value_name = "FILE", conflicts_with = "radius")]
-    fleet: Option<PathBuf>,
+    pub(super) fleet: Option<PathBuf>,
     /// Radius of a robot in metres [default: the preset's footprint, or 0.3 cells]
     #[arg(long, help_heading = ROBOTS, value_name = "METRES")]
     radius: Option<f64>,
@@ -249,7 +256,7 @@ impl FleetAsked {
     }
 
     /// The same with the defaults of its rules.
-    fn by_its_rules(&self, matches: &ArgMatches) -> Self {
+    pub(super) fn by_its_rules(&self, matches: &ArgMatches) -> Self {
         let mut asked = self.clone();
         if asked.rules != Rules::Synchronous {
             return asked;
@@ -304,15 +311,24 @@ static SIGNAL: AtomicI32 = AtomicI32::new(0);
 /// The files and plugins that a replay or a continuation needs again.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Setup {
-    map: PathBuf,
+pub(super) struct Setup {
+    pub(super) map: PathBuf,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     instance: Option<PathBuf>,
     model: String,
     fleet: Option<PathBuf>,
     tasks: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    guidance: Option<PathBuf>,
     in_process: bool,
     plugins: Vec<Plugin>,
+}
+
+impl Setup {
+    /// The model of all robots; `None` for pebbles.
+    pub(super) fn model(&self) -> Option<&str> {
+        (self.model != PEBBLE).then_some(&*self.model)
+    }
 }
 
 /// A plugin as the user names it.
@@ -352,7 +368,10 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
                     .hint("it was not recorded by `fleetyard fleet --record`")
             })?
         }
-        None => asked_setup(&asked)?,
+        None => Setup {
+            guidance: arguments.guidance.as_deref().map(absolute),
+            ..asked_setup(&asked)?
+        },
     };
     match (&arguments.map, &arguments.instance, recorded) {
         (Some(_), _, Some(_)) if setup.instance.is_some() => {
@@ -372,8 +391,7 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     }
     let scene = Scene::load(&setup)?;
     let grid = &scene.grid;
-    let model = (setup.model != PEBBLE).then_some(&*setup.model);
-    let robots = robots(setup.fleet.as_deref(), model)?;
+    let robots = robots(setup.fleet.as_deref(), setup.model())?;
     let (config, bodies) = if let Some(recording) = &recording {
         let config = recording.header().config.clone();
         let bodies = bodies(&robots, config.agents as usize, &config.sim)?;
@@ -383,11 +401,15 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
         asked_config(&asked, &scene, given, &robots)?
     };
     let config = with_host(config, arguments);
+    let guidance = setup.guidance.as_ref();
+    let guidance = guidance.map(|path| load_guidance(path, grid)).transpose()?;
+    let guidance = guidance.map(Arc::new);
     let ground = Ground {
         grid,
         fleet: bodies.as_ref(),
         tasks: scene.tasks.as_ref(),
         starts: scene.starts.as_deref(),
+        guidance: guidance.as_ref(),
     };
     if let Some(recording) = &recording {
         about(recording);
@@ -397,6 +419,15 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
     } else {
         Some(modules(arguments, &scene.files, &setup, &config)?)
     };
+    if let (Some(path), Some(modules)) = (&arguments.guidance, &modules) {
+        let mut infos = modules.infos().into_iter();
+        if !infos.any(|info| info.memory.iter().any(|part| part == GUIDANCE_ID)) {
+            output::warning(&format!(
+                "nobody reads {}: no plugin of the run lists `part:{GUIDANCE_ID}`",
+                path.display()
+            ));
+        }
+    }
     let mut watcher = Watcher::new(arguments, &config)?;
     let outcome = match (recording, modules) {
         (Some(recording), Some(modules)) => {
@@ -436,9 +467,9 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
 }
 
 /// Map, tasks and starts of a run.
-struct Scene {
-    grid: Arc<Grid>,
-    tasks: Option<TaskList>,
+pub(super) struct Scene {
+    pub(super) grid: Arc<Grid>,
+    pub(super) tasks: Option<TaskList>,
     starts: Option<Vec<u32>>,
     /// Tasks that are known at a time, ticks of an action, and the presence of delays: an instance
     /// alone says so.
@@ -468,7 +499,7 @@ impl Revealed {
 }
 
 impl Scene {
-    fn load(setup: &Setup) -> Result<Self> {
+    pub(super) fn load(setup: &Setup) -> Result<Self> {
         let Some(instance) = &setup.instance else {
             let grid = Arc::new(load_map(&setup.map)?);
             let tasks = setup.tasks.as_ref();
@@ -536,7 +567,8 @@ fn about(recording: &Recording) {
     }
 }
 
-fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
+/// The files and plugins that the arguments name, but for the map.
+pub(super) fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
     let plugin = |kind, words: &[String], options: &[String]| {
         let PluginArg { plugin, options } = PluginArg::new(words, options)?;
         Ok(Plugin {
@@ -570,13 +602,14 @@ fn asked_setup(asked: &FleetAsked) -> Result<Setup> {
         model: asked.model.clone(),
         fleet: asked.fleet.as_deref().map(absolute),
         tasks: asked.tasks.as_deref().map(absolute),
+        guidance: None,
         in_process: asked.attach == Attach::InProcess,
         plugins: plugins.collect::<Result<_>>()?,
     })
 }
 
 /// The numbers that the arguments ask for, and the robots.
-fn asked_config(
+pub(super) fn asked_config(
     asked: &FleetAsked,
     scene: &Scene,
     given: &ArgMatches,
@@ -644,7 +677,7 @@ fn with_host(mut config: FleetConfig, arguments: &Fleet) -> FleetConfig {
 }
 
 /// The files that the command itself reads and writes.
-fn own_files(arguments: &Fleet, more: &[PathBuf]) -> Vec<PathBuf> {
+fn own_files(arguments: &Fleet, setup: &Setup, more: &[PathBuf]) -> Vec<PathBuf> {
     let files = [
         &arguments.map,
         &arguments.instance,
@@ -655,31 +688,36 @@ fn own_files(arguments: &Fleet, more: &[PathBuf]) -> Vec<PathBuf> {
         &arguments.picture,
         &arguments.asked.tasks,
         &arguments.asked.fleet,
+        &setup.guidance,
     ];
     files.into_iter().flatten().chain(more).cloned().collect()
 }
 
-/// Starts the plugins.
-fn modules(
-    arguments: &Fleet,
-    read: &[PathBuf],
-    setup: &Setup,
+/// The host of a run's plugins, for which files are hidden.
+pub(super) fn host(
     config: &FleetConfig,
-) -> Result<Modules> {
+    startup: Duration,
+    grants: &GrantArgs,
+    hidden: Vec<PathBuf>,
+) -> Result<Host> {
     let allowance = &config.allowance;
     let budget = BudgetOptions {
-        startup: arguments.startup,
+        startup,
         memory_bytes: Some(allowance.memory_bytes),
         threads: allowance.threads,
         ..BudgetOptions::default()
     };
     let sandbox = SandboxOptions {
-        policy: policy(&arguments.grants, own_files(arguments, read))?,
-        output_bytes: arguments.grants.output_limit,
-        trust: trust(&arguments.grants.trust)?,
+        policy: policy(grants, hidden)?,
+        output_bytes: grants.output_limit,
+        trust: trust(&grants.trust)?,
         pin: false,
     };
-    let host = Host::new(BUILT_IN, budget, sandbox, true).map_err(internal)?;
+    Host::new(BUILT_IN, budget, sandbox, true).map_err(internal)
+}
+
+/// Finds the plugins: planner, generator, invocation policy and fail policy.
+pub(super) fn plugins(host: &Host, setup: &Setup) -> Result<[fleetyard_bench::Plugin; 4]> {
     let find = |kind| {
         let plugin = setup.plugins.iter().find(|plugin| plugin.kind == kind);
         let plugin = plugin.ok_or_else(|| {
@@ -694,13 +732,42 @@ fn modules(
                 .with_options(GivenOptions::Texts(plugin.options.clone())),
         )
     };
-    let plugins = [
+    Ok([
         find(Kind::Planner)?,
         find(Kind::InstanceGenerator)?,
         find(Kind::InvocationPolicy)?,
         find(Kind::FailPolicy)?,
-    ];
-    Ok(start_modules(&host.runtime, plugins.each_ref())?)
+    ])
+}
+
+/// Starts the plugins.
+fn modules(
+    arguments: &Fleet,
+    read: &[PathBuf],
+    setup: &Setup,
+    config: &FleetConfig,
+) -> Result<Modules> {
+    let hidden = own_files(arguments, setup, read);
+    let host = host(config, arguments.startup, &arguments.grants, hidden)?;
+    Ok(start_modules(
+        &host.runtime,
+        plugins(&host, setup)?.each_ref(),
+    )?)
+}
+
+/// Lets an interrupt end runs with what they have.
+pub(super) fn listen() {
+    let installed = on_interrupt(|signal| SIGNAL.store(signal, Ordering::SeqCst));
+    if let Err(error) = installed {
+        output::warning(&format!(
+            "an interrupt will end the run without results: {error}"
+        ));
+    }
+}
+
+/// True if a signal told this process to end.
+pub(super) fn interrupted() -> bool {
+    SIGNAL.load(Ordering::SeqCst) != 0
 }
 
 /// Shows the run on a terminal, keeps its records, and ends it when it is told to.
@@ -714,12 +781,7 @@ struct Watcher {
 impl Watcher {
     fn new(arguments: &Fleet, config: &FleetConfig) -> Result<Self> {
         let (trace, every) = (arguments.trace.as_deref(), arguments.trace_every);
-        let installed = on_interrupt(|signal| SIGNAL.store(signal, Ordering::SeqCst));
-        if let Err(error) = installed {
-            output::warning(&format!(
-                "an interrupt will end the run without results: {error}"
-            ));
-        }
+        listen();
         Ok(Self {
             trace: trace.map(|path| trace_file(path, every)).transpose()?,
             recorder: None,
@@ -785,7 +847,7 @@ impl Watch for Watcher {
     }
 
     fn is_interrupted(&self) -> bool {
-        SIGNAL.load(Ordering::SeqCst) != 0
+        interrupted()
     }
 }
 

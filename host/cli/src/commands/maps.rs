@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Subcommand};
+use clap::{ArgMatches, Args, Subcommand};
 use fleetyard_core::{Connectivity, Grid, InputError, Scenario, load_map, save_map, save_scen};
 use fleetyard_world::{
     EmptySpec, MapSpec, MazeAlgorithm, MazeRandom, MazeSpec, RandomSpec, RoomSpec, ScenarioSpec,
@@ -12,6 +12,7 @@ use fleetyard_world::{
 };
 use serde::Serialize;
 
+use super::guide::{Guide, guide};
 use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::files::check_name;
@@ -36,6 +37,7 @@ pub(crate) enum Maps {
         #[arg(long, value_name = "FOLDER", default_value = ".")]
         out: PathBuf,
     },
+    Guide(Box<Guide>),
     /// Describe a map
     Info {
         /// Map file: MovingAI, fleetyard.grid/1 or LSMART
@@ -192,7 +194,8 @@ pub(crate) struct MazeSizeArgs {
     height: Option<u32>,
 }
 
-pub(crate) fn maps(what: &Maps) -> Result<Exit> {
+/// `given` are the arguments as they stand on the command line.
+pub(crate) fn maps(what: &Maps, given: &ArgMatches) -> Result<Exit> {
     match what {
         Maps::Generate(what) => generate(what),
         Maps::Scenario {
@@ -201,6 +204,10 @@ pub(crate) fn maps(what: &Maps) -> Result<Exit> {
             seed,
             out,
         } => scenario(map, *agents, *seed, out),
+        Maps::Guide(arguments) => {
+            let own = given.subcommand().map_or(given, |(_, own)| own);
+            guide(arguments, own)
+        }
         Maps::Info { map, format } => info(map, *format),
     }
 }

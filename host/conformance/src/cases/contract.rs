@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use fleetyard_abi::{
-    Capability, Environment, GoalTasks, Kept, Kind, Motion, Part, RestOfPlan, SharedEnvironment,
-    Snapshot, Status, Traffic, View, c,
+    Capability, Environment, GoalTasks, Guidance, Kept, Kind, Motion, Part, RestOfPlan,
+    SharedEnvironment, Snapshot, Status, Traffic, View, c,
 };
 use fleetyard_runtime::{Fault, Session};
 use serde_json::json;
@@ -207,6 +207,10 @@ fn memory(trial: &Trial<'_>, question: &dyn Question, kept: &[u8]) -> Step<Vec<P
             paths: vec!["..".into(); instance.agents()],
         }),
         Part::from(goal_tasks),
+        Part::from(Guidance {
+            moves: (0..moves).map(|at| 100 + (at % 7) as u16).collect(),
+            ..Guidance::neutral(0, environment.places().unwrap_or(0))
+        }),
         Part::from(Kept {
             bytes: kept.to_vec(),
         }),
@@ -245,6 +249,7 @@ pub(crate) fn memory_replayed(trial: &mut Trial<'_>) -> Step<()> {
         c::TRAFFIC_ID,
         c::REST_OF_PLAN_ID,
         c::GOAL_TASKS_ID,
+        c::GUIDANCE_ID,
         c::KEPT_ID,
     ];
     if !parts.iter().any(|part| reads(trial, part)) {

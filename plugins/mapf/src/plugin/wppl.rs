@@ -82,7 +82,7 @@ impl Method for WpplOptions {
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let turning = turns(instance)?;
-        let journeys = block.journeys(instance, turning, call.budget.threads);
+        let journeys = block.journeys(instance, turning, call.budget.threads)?;
         let rest = block.rest(instance);
         let query = Query {
             first: epibt::Query {

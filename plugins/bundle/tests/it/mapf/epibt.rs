@@ -1,7 +1,7 @@
 //! EPIBT: what its plans keep to, and how far a fleet gets with it.
 
 use fleetyard_abi::sdk::{Options, Plugin};
-use fleetyard_abi::{GridEnvironment, Heading, Instance, Motion, Status, monotonic_ns};
+use fleetyard_abi::{GridEnvironment, Guidance, Heading, Instance, Motion, Status, monotonic_ns};
 use fleetyard_plugin_mapf::epibt::run::End;
 use fleetyard_plugin_mapf::plugin::Epibt;
 use fleetyard_testkit::{Case, grid};
@@ -18,6 +18,33 @@ const MANNER: Manner = Manner {
     threads: 1,
     planner: Planner::Epibt,
 };
+
+#[test]
+fn guidance_is_heeded_and_that_of_another_map_refused() {
+    let case = alone(open(2, 3), 0, &[2], 4);
+    let with = |moves: usize, places: usize| {
+        let mut guidance = Guidance::neutral(moves, places);
+        // The first row is dear to the east.
+        guidance.moves[1] = 1000;
+        guidance.moves[5] = 1000;
+        let mut guided = case.clone();
+        guided.instance.parts.push(guidance.into());
+        guided
+    };
+    let straight = "{\"lane_charge\": 0}";
+    assert_eq!(path_of(&case, straight)[..3], [0, 1, 2]);
+    assert_eq!(path_of(&with(24, 6), straight)[..5], [0, 3, 4, 5, 2]);
+    for (moves, places, reason) in [
+        (20, 6, "20 factors of moves"),
+        (24, 9, "9 factors of waits"),
+    ] {
+        let failure = ask::<Epibt>(&with(moves, places), straight, (60, 1))
+            .0
+            .unwrap_err();
+        assert_eq!(failure.status, Status::InvalidInput);
+        assert!(failure.message.contains(reason), "{failure}");
+    }
+}
 
 /// The cells of the first path of a plan, which has to be one.
 fn path_of(case: &Case, options: &str) -> Vec<u32> {

@@ -133,6 +133,7 @@ impl Floor {
             },
             traffic: None,
             threads: manner.threads,
+            guidance: None,
         };
         let mut streets = self.streets.ranking(journeys, &mut || watch.pause());
         let first = Query {

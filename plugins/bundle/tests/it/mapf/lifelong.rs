@@ -4,7 +4,8 @@
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Footprint, Goals, GridEnvironment, GridPlan, Heading, Instance, Robot, Snapshot, Traffic,
+    Footprint, Goals, GridEnvironment, GridPlan, Guidance, Heading, Instance, Robot, Snapshot,
+    Traffic,
 };
 use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
@@ -43,6 +44,7 @@ fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
         turning: Turning::default(),
         traffic: None,
         threads: 1,
+        guidance: None,
     }
 }
 
@@ -544,6 +546,55 @@ fn averages_count_by_what_is_in_them() {
     let mut used = streets();
     assert_ne!(plan(&mut used, &[0; 64]), fresh, "crowds are gone round");
     assert_eq!(plan(&mut used, &crowded), fresh);
+}
+
+#[test]
+fn guidance_leads_along_cheap_moves_and_keeps_others_allowed() {
+    let map = open(5);
+    let (starts, goals) = ([0], grid::goals(&[vec![4]]));
+    let mut streets = Streets::new(lifelong(&map).graph(), 0, 1.0, 1 << 24);
+    let mut plan = |guidance: Option<&Guidance>| {
+        let journeys = Journeys {
+            guidance,
+            ..journeys(&starts, &goals)
+        };
+        let mut by_street = streets.ranking(journeys, &mut || false);
+        let query = query(&starts, &goals, Some(8));
+        let run = lifelong(&map).run(&query, &mut by_street, &mut || false);
+        run.unwrap().0.path(0).to_vec()
+    };
+    assert_eq!(plan(None), [0, 1, 2, 3, 4]);
+    let mut guidance = Guidance::neutral(100, 25);
+    assert_eq!(plan(Some(&guidance)), plan(None));
+    // Moves to the east, of which those in the first row are dear.
+    for cell in 0..5 {
+        guidance.moves[4 * cell + 1] = 400;
+    }
+    assert_eq!(plan(Some(&guidance)), [0, 5, 6, 7, 8, 9, 4]);
+    // Factors count by their proportions where all are high: the way is no longer than tables hold.
+    guidance
+        .moves
+        .iter_mut()
+        .for_each(|factor| *factor = 10_000);
+    assert_eq!(plan(Some(&guidance)), plan(None));
+    // The only way is dear, and allowed.
+    let corridor = GridEnvironment::four_connected(1, 5, vec![1; 5]);
+    let mut streets = Streets::new(lifelong(&corridor).graph(), 0, 1.0, 1 << 24);
+    let mut guidance = Guidance::neutral(20, 5);
+    guidance
+        .moves
+        .iter_mut()
+        .skip(1)
+        .step_by(4)
+        .for_each(|factor| *factor = 10_000);
+    let journeys = Journeys {
+        guidance: Some(&guidance),
+        ..journeys(&starts, &goals)
+    };
+    let mut by_street = streets.ranking(journeys, &mut || false);
+    let query = query(&starts, &goals, Some(4));
+    let run = lifelong(&corridor).run(&query, &mut by_street, &mut || false);
+    assert_eq!(run.unwrap().0.path(0), [0, 1, 2, 3, 4]);
 }
 
 #[test]
