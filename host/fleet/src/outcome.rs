@@ -154,6 +154,13 @@ pub struct Decay {
     pub still_share: f64,
 }
 
+/// True if two numbers of goals differ by more than chance: by more than four standard deviations, of
+/// numbers that are a Poisson process's.
+pub fn differ(goals: f64, others: f64) -> bool {
+    const DEVIATIONS: f64 = 4.0;
+    (goals - others).abs() >= DEVIATIONS * (goals + others).sqrt()
+}
+
 impl Decay {
     /// Least time of a run, in seconds; those before it begin from places without any crowd.
     const LEAST_S: f64 = 300.0;
@@ -161,9 +168,6 @@ impl Decay {
     const PARTS: usize = 5;
     /// No decay: the last part has so much of the best.
     const KEPT: f64 = 0.8;
-    /// Nor is this: goals of the last part that are missing are within so many standard deviations,
-    /// of numbers that are a Poisson process's.
-    const DEVIATIONS: f64 = 4.0;
 
     /// Of a series; none of a short one, or where throughput holds.
     pub fn of(series: &[Point], agents: u32) -> Option<Self> {
@@ -181,8 +185,7 @@ impl Decay {
         };
         let best = (1..Self::PARTS).map(goals).fold(0.0, f64::max);
         let last = goals(Self::PARTS);
-        let missing = best - last;
-        if last > Self::KEPT * best || missing < Self::DEVIATIONS * (best + last).sqrt() {
+        if last > Self::KEPT * best || !differ(best, last) {
             return None;
         }
         let points = &series[until(Self::PARTS - 1)..];

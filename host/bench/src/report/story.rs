@@ -1,7 +1,9 @@
 //! The sentences of a report: what was run, who is best, and what to be careful with.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+
+use fleetyard_fleet::differ;
 
 use super::Subject;
 use super::figures::size_of;
@@ -237,6 +239,7 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             plural(contended, "trial")
         ));
     }
+    caveats.extend(crowds(trials));
     caveats.extend(transport(trials, evaluation));
     caveats.extend(attachments(trials));
     let each = |of: fn(&Row) -> Option<&str>| -> Vec<&str> {
@@ -402,6 +405,76 @@ fn attachments(trials: &Trials<'_>) -> Option<String> {
     })
 }
 
+/// A team that makes so much of the goals of a smaller one is no worse.
+const AS_MANY: f64 = 0.95;
+
+/// Goals of the runs of a team.
+#[derive(Debug, Clone, Copy, Default)]
+struct Team {
+    agents: u64,
+    goals: f64,
+    time_s: f64,
+    runs: usize,
+}
+
+impl Team {
+    fn per_s(&self) -> f64 {
+        self.goals / self.time_s
+    }
+
+    /// Goals of this team in the time of another.
+    fn goals_in(&self, time_s: f64) -> f64 {
+        self.goals * time_s / self.time_s
+    }
+}
+
+/// The sentences about fleets in which more robots deliver less, of each planner on a map.
+fn crowds(trials: &Trials<'_>) -> Vec<String> {
+    let mut teams: BTreeMap<(String, &str, u64), Team> = BTreeMap::new();
+    for row in trials.rows() {
+        let time_s = row.budget_ms / 1e3;
+        let Some(goals) = row.goals_reached.filter(|_| row.success && time_s > 0.0) else {
+            continue;
+        };
+        let team = teams.entry((row.entrant().into_owned(), &row.map, row.agents));
+        let team = team.or_default();
+        team.agents = row.agents;
+        team.goals += goals as f64;
+        team.time_s += time_s;
+        team.runs += 1;
+    }
+    let teams: Vec<_> = teams.into_iter().collect();
+    let of_one = teams.chunk_by(|(a, _), (b, _)| (&a.0, a.1) == (&b.0, b.1));
+    let tell = |teams: &[((String, &str, u64), Team)]| {
+        let ((planner, map, _), _) = &teams[0];
+        let best = teams.iter().map(|(_, team)| team);
+        let best = best.max_by(|a, b| a.per_s().total_cmp(&b.per_s()))?;
+        let less = |team: &&Team| {
+            let time_s = best.time_s.min(team.time_s);
+            team.agents > best.agents
+                && team.per_s() < AS_MANY * best.per_s()
+                && differ(best.goals_in(time_s), team.goals_in(time_s))
+        };
+        let says = |team: &Team| {
+            format!(
+                "{} of {} in {}",
+                digits(Some(team.per_s())),
+                grouped(team.agents),
+                plural(team.runs, "run")
+            )
+        };
+        let larger = teams.iter().map(|(_, team)| team).filter(less).map(says);
+        let larger = Vec::from_iter(larger).join(", ");
+        (!larger.is_empty()).then(|| {
+            format!(
+                "More robots deliver less with {planner} on {map}: goals per second are {}, and {larger}.",
+                says(best)
+            )
+        })
+    };
+    of_one.filter_map(tell).collect()
+}
+
 /// From this share on, transport is a part of what times say.
 const TRANSPORT: f64 = 0.05;
 
@@ -509,6 +582,35 @@ mod tests {
         let order =
             "By PAR-2 (mean time, a failure as two budgets) 2 of 3 places are others: b, a, weak.";
         assert!(told.contains(order), "{told}");
+    }
+
+    #[test]
+    fn fleets_that_deliver_less_with_more_robots_are_named() {
+        let fleet = |agents: u64, seed: usize, goals: u64| Row {
+            map: "aisles".into(),
+            agents,
+            budget_ms: 600e3,
+            goals_reached: Some(goals),
+            ..solved("pibt", seed, Some(1.0))
+        };
+        let said = |rows: &[Row]| crowds(&Trials::new(rows));
+        let mut rows = vec![
+            fleet(200, 0, 2000),
+            fleet(1000, 1, 5000),
+            fleet(1000, 2, 5200),
+            fleet(1500, 3, 4300),
+            // Not by more than chance may be.
+            fleet(1100, 4, 4900),
+        ];
+        assert_eq!(
+            said(&rows),
+            [
+                "More robots deliver less with pibt on aisles: goals per second are 8.50 of 1000 in 2 runs, and \
+              7.17 of 1500 in 1 run."
+            ]
+        );
+        rows.truncate(3);
+        assert!(said(&rows).is_empty());
     }
 
     #[test]
