@@ -22,6 +22,9 @@ use crate::run::judge_by;
 use crate::timed::{Ordered, Timed, is_timed};
 use crate::{By, EventKind, FleetConfig, FleetError};
 
+/// The name of the figure by which a planner tells how many robots it holds back.
+const HELD_BACK: &str = "held_back";
+
 /// A call.
 #[derive(Debug)]
 pub(crate) struct Call {
@@ -53,6 +56,8 @@ pub(crate) struct Answer {
     pub(crate) planner_ms: Option<f64>,
     /// Processor time of the planner, if it was asked and that is known.
     pub(crate) planner_cpu_ms: Option<f64>,
+    /// Robots that the planner says it holds back.
+    pub(crate) held_back: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     pub(crate) recovery_ms: Option<f64>,
     /// Bytes that modules kept, where they are others than before.
@@ -184,6 +189,7 @@ impl Pipeline {
             motion: state.next.motion,
             planner_ms: None,
             planner_cpu_ms: None,
+            held_back: None,
             recovery_ms: None,
             kept: Vec::new(),
             notices: Vec::new(),
@@ -375,6 +381,10 @@ impl Pipeline {
         let kept = call.memory.news(self.planner.info(), run.kept.take());
         answer.kept.extend(kept);
         answer.planner_ms = Some(milliseconds(&run));
+        // A claim of more robots than there are, or of fewer than none, means nothing.
+        let agents = call.state.next.agents() as f64;
+        let held = run.metrics.get(HELD_BACK).copied();
+        answer.held_back = held.filter(|held| (0.0..=agents).contains(held));
         answer.planner_cpu_ms = run.usage.cpu_us.map(|cpu_us| cpu_us as f64 / 1000.0);
         let mut notice = |kind, message| {
             answer.notices.push(Notice {

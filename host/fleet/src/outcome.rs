@@ -225,6 +225,10 @@ pub struct FleetMetrics {
     pub fail_policy_time_ms: CallTimes,
     /// Share of robots and time spent standing still, be it to wait or at a goal.
     pub waiting_share: f64,
+    /// Mean over calls of the robots that the planner says it holds back, since the map has no way for
+    /// more of them at a time. A claim; absent if there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_back: Option<f64>,
     /// The fall of throughput, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decay: Option<Decay>,

@@ -132,6 +132,9 @@ pub struct Round {
     /// Processor time of the planner, if it was asked and that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner_cpu_ms: Option<f64>,
+    /// Robots that the planner says it holds back; absent if it says nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_back: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovery_ms: Option<f64>,

@@ -622,6 +622,7 @@ impl<'a> Run<'a> {
             paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
             planner_ms: answer.planner_ms,
             planner_cpu_ms: answer.planner_cpu_ms,
+            held_back: answer.held_back,
             recovery_ms: answer.recovery_ms,
             kept: answer.kept,
             notices,

@@ -37,6 +37,8 @@ pub(crate) struct Tally {
     pub(crate) rings_cut: u64,
     planner_ms: Vec<f64>,
     planner_cpu_ms: Vec<f64>,
+    /// Sum over calls of the robots that the planner says it holds back.
+    held_back: f64,
     recovery_ms: Vec<f64>,
     unplanned: u64,
 }
@@ -90,6 +92,7 @@ impl Tally {
             planner_ms: Vec::new(),
             planner_cpu_ms: Vec::new(),
             unplanned: 0,
+            held_back: 0.0,
             recovery_ms: Vec::new(),
         }
     }
@@ -104,6 +107,7 @@ impl Tally {
         self.calls += 1;
         self.planner_ms.extend(round.planner_ms);
         self.planner_cpu_ms.extend(round.planner_cpu_ms);
+        self.held_back += round.held_back.unwrap_or(0.0);
         self.unplanned += u64::from(round.by != By::Planner);
         self.fail_calls += u64::from(round.recovery_ms.is_some());
         self.recovery_ms.extend(round.recovery_ms);
@@ -211,6 +215,7 @@ impl Tally {
                 .then(|| CallTimes::of(self.planner_cpu_ms.clone())),
             fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),
             waiting_share: share(self.waited, blocks * agents as u64),
+            held_back: (self.held_back > 0.0).then(|| self.held_back / self.calls as f64),
             decay: Decay::of(&self.series, agents as u32),
             adg_nodes_max: self.adg_nodes_max,
             invalid_batches: count(EventKind::InvalidBatch) + count(EventKind::InvalidRecovery),

@@ -20,6 +20,9 @@ use crate::lifelong::{ByDistance, End, Lifelong, Query};
 use crate::streets::{ByStreet, Journeys, Streets, Turning};
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
+/// Figure: agents that are held back.
+const HELD_BACK: &str = "held_back";
+
 /// Charge of a move against a lane, in steps: where streets are narrow, agents that meet push each
 /// other far.
 const LANE_CHARGE: u16 = 4;
@@ -162,7 +165,7 @@ impl Method for PibtOptions {
         Capability::Windowed,
         Capability::DuplicateGoals,
     ];
-    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID, c::GUIDANCE_ID];
+    const PARTS: &'static [&'static str] = &[c::TRAFFIC_ID, c::GOAL_TASKS_ID, c::GUIDANCE_ID];
     type Map = Roads;
 
     fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Roads, Failure> {
@@ -367,6 +370,7 @@ impl Block {
             turning: turn,
             // Several steps ahead crowds are seen for themselves.
             traffic: None,
+            tasks: None,
             threads: threads as usize,
             guidance: guidance_of(instance, &self.graph)?,
         })
@@ -547,13 +551,19 @@ impl Roads {
                 headings: instance.headings.as_deref(),
                 turning: Turning::of(instance),
                 traffic: instance.traffic(),
+                tasks: instance.goal_tasks(),
                 threads: 1,
                 guidance,
             };
             streets.ranking(journeys, stop)
         });
         let (plan, end) = match ranking {
-            Some(mut by_street) => self.lifelong.run(&query, &mut by_street, stop),
+            Some(mut by_street) => {
+                if by_street.held() > 0 {
+                    call.metric(HELD_BACK, by_street.held() as f64);
+                }
+                self.lifelong.run(&query, &mut by_street, stop)
+            }
             None => self.lifelong.run(&query, &mut ByDistance, stop),
         }?;
         // Under a window a plan may be shorter than asked for: everybody stays then.

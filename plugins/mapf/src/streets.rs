@@ -23,6 +23,7 @@
 //! Were turns and lanes charged in the step alone, and not in the tables, agents would rather wait
 //! than turn, and nobody would push.
 
+mod admission;
 mod doors;
 mod passages;
 mod signals;
@@ -32,12 +33,13 @@ use std::f64::consts::FRAC_PI_2;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use fleetyard_abi::{Goals, Guidance, Heading, Instance, Limit, Robot, Traffic, c};
+use fleetyard_abi::{GoalTasks, Goals, Guidance, Heading, Instance, Limit, Robot, Traffic, c};
 use fleetyard_plugin_spacetime::distance::Tables;
 use fleetyard_plugin_spacetime::gradient::{Expected, Gradients};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex, direction};
 use fleetyard_plugin_spacetime::lanes::Lanes;
 
+use self::admission::Admission;
 use self::doors::Doors;
 use self::passages::Passage;
 use self::signals::{Crossings, SIGHT, Signals};
@@ -54,6 +56,8 @@ const WAIT: u32 = 5;
 const MOST_TURN: f64 = 50.0;
 /// Tables that no agent asks for any longer are kept in so many bytes.
 const IDLE_BYTES: u64 = 256 << 20;
+/// Most moves of a way on which passages are looked for.
+const FAR: usize = 1000;
 /// Agents whose ways are found between two looks at the clock.
 const PATIENCE: usize = 64;
 
@@ -172,6 +176,9 @@ pub struct Journeys<'a> {
     pub turning: Turning,
     /// Averages of where agents wait, if they are known.
     pub traffic: Option<&'a Traffic>,
+    /// Since when agents have their goals, if it is known. Where there are signals, those that have had
+    /// theirs for longest have leave to go to a passage before the others.
+    pub tasks: Option<&'a GoalTasks>,
     /// Threads that look for ways.
     pub threads: usize,
     /// The guidance graph of the map, if there is one: of as many moves and cells.
@@ -279,6 +286,7 @@ impl Streets {
             headings,
             turning,
             traffic,
+            tasks,
             threads,
             guidance,
         } = journeys;
@@ -311,6 +319,7 @@ impl Streets {
             wanting: fits.iter().filter(|fits| !**fits).count(),
             fits,
             signals: None,
+            held: Vec::new(),
             late: false,
             streets: self,
         };
@@ -349,12 +358,15 @@ impl Streets {
             });
         }
         if !ranking.streets.crossings.is_empty() {
-            let routes = starts.iter().enumerate().take(goals.len());
-            let routes = routes.map(|(agent, start)| {
+            let heading = |agent: usize| {
                 let heading = headings.and_then(|headings| headings.get(agent));
-                ranking.route(agent, *start, heading.map(|heading| direction(*heading)))
-            });
+                heading.map(|heading| direction(*heading))
+            };
+            let routes = (0..goals.len()).map(|agent| ranking.route(agent, heading(agent)));
             ranking.signals = Some(Signals::new(&ranking.streets.crossings, routes, traffic));
+            if let Some(tasks) = tasks {
+                ranking.held = ranking.hold_back(tasks, heading);
+            }
         }
         ranking
     }
@@ -450,6 +462,8 @@ pub struct ByStreet<'a> {
     /// Agents for whose ways there is none.
     wanting: usize,
     signals: Option<Signals>,
+    /// Per agent true if it is held back; empty if nobody is.
+    held: Vec<bool>,
     /// True once there is no time for more tables.
     late: bool,
 }
@@ -573,24 +587,69 @@ impl ByStreet<'_> {
         &self.streets.moves
     }
 
-    /// The next cells on the way of an agent to its first goal.
-    fn route(&self, agent: usize, start: u32, mut heading: Option<u8>) -> [Vertex; SIGHT] {
+    /// The cells on the way of an agent to its first goal, that where it is first.
+    fn way(&self, agent: usize, mut heading: Option<u8>) -> impl Iterator<Item = Vertex> {
         let Streets { graph, moves, .. } = &*self.streets;
         let journey = &self.journeys[agent];
-        let mut at = graph.vertex(start).unwrap_or(0);
-        let mut route = [at; SIGHT];
-        let Some(ways) = &journey.ways else {
-            return route;
-        };
+        let start = self.starts.get(agent).and_then(|cell| graph.vertex(*cell));
         let tolls = &self.tolls[journey.tolls].1;
-        for next in &mut route[1..] {
-            if let Some(d) = ways.best(moves, at, heading, tolls) {
-                at = graph.around(at)[d];
-                heading = heading.map(|_| d as u8);
-            }
-            *next = at;
+        std::iter::successors(start, move |at| {
+            let d = journey.ways.as_ref()?.best(moves, *at, heading, tolls)?;
+            heading = heading.map(|_| d as u8);
+            Some(graph.around(*at)[d])
+        })
+    }
+
+    /// The next cells on that way; the last one again where it ends.
+    fn route(&self, agent: usize, heading: Option<u8>) -> [Vertex; SIGHT] {
+        let mut way = self.way(agent, heading);
+        let mut at = 0;
+        std::array::from_fn(|_| {
+            at = way.next().unwrap_or(at);
+            at
+        })
+    }
+
+    /// The agents that are held back.
+    fn hold_back(&self, tasks: &GoalTasks, heading: impl Fn(usize) -> Option<u8>) -> Vec<bool> {
+        let crossings = &self.streets.crossings;
+        let firsts = self.goals.iter().scan(0, |goals, list| {
+            let first = *goals;
+            *goals += list.len();
+            Some(first)
+        });
+        let given_s = firsts.map(|goal| tasks.given_s.get(goal).copied().unwrap_or(f64::MAX));
+        let mut order: Vec<(f64, usize)> = given_s.zip(0..).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut admission = Admission::new(crossings.len());
+        let mut held = vec![false; order.len()];
+        let mut passages = Vec::new();
+        for (_, agent) in order {
+            passages.clear();
+            let way = self.way(agent, heading(agent)).take(FAR);
+            passages.extend(way.filter_map(|v| crossings.at(v)));
+            passages.dedup();
+            let here = self.starts.get(agent);
+            let here = here.and_then(|cell| self.streets.graph.vertex(*cell));
+            let can_wait = here.is_some_and(|here| crossings.can_wait(&self.streets.graph, here));
+            held[agent] = admission.holds(&passages, can_wait);
         }
-        route
+        held
+    }
+
+    /// Agents that are held back.
+    pub fn held(&self) -> usize {
+        self.held.iter().filter(|held| **held).count()
+    }
+
+    /// True if an agent had better stay where it is, since it is held back or waits at a passage.
+    fn waits(&self, agent: usize) -> bool {
+        let signals = self.signals.as_ref();
+        self.is_held(agent) || signals.is_some_and(|signals| signals.holds(agent))
+    }
+
+    fn is_held(&self, agent: usize) -> bool {
+        self.held.get(agent) == Some(&true)
     }
 
     /// Sees to the ways to the next goal of the agent of a [`Place`].
@@ -635,13 +694,7 @@ impl Ranking for ByStreet<'_> {
                 continue;
             }
             let cost = match around.iter().position(|u| *u == v) {
-                None if self
-                    .signals
-                    .as_ref()
-                    .is_some_and(|signals| signals.holds(place.agent)) =>
-                {
-                    0
-                }
+                None if self.waits(place.agent) => 0,
                 None => stay + ways.from(moves, here, place.heading, tolls),
                 Some(d) => {
                     if let Some(number) = moves.away(here, d) {
@@ -670,6 +723,7 @@ impl Ranking for ByStreet<'_> {
             Some((ways, here)) => {
                 let (moves, tolls) = (&self.streets.moves, &self.tolls[journey.tolls].1);
                 let class = match &self.signals {
+                    _ if self.is_held(place.agent) => 3,
                     Some(_) if self.streets.crossings.contains(here) => 0,
                     Some(signals) if signals.holds(place.agent) => 2,
                     _ => 1,

@@ -885,6 +885,13 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
         }
     }
     if let Format::Text = arguments.format {
+        if let Some(held) = outcome.metrics.held_back.filter(|held| *held >= 1.0) {
+            output::note(&format!(
+                "the planner holds back {held:.0} of {} robots on average, for whom there is no way \
+                 at a time: fewer robots deliver as much",
+                outcome.config.agents
+            ));
+        }
         if let Some(decay) = &outcome.metrics.decay {
             output::warning(&format!(
                 "throughput fell from {} goals per second in the best fifth of the run to {} in the \

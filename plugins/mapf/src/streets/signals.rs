@@ -7,7 +7,7 @@
 //! takes one agent at a time.
 
 use fleetyard_abi::Traffic;
-use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 
 use super::passages::{NONE, Passage};
 
@@ -104,6 +104,32 @@ impl Crossings {
 
     pub(super) fn is_empty(&self) -> bool {
         self.list.is_empty()
+    }
+
+    /// Passages that have signals.
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// The passage that a vertex is in.
+    #[inline]
+    pub(super) fn at(&self, v: Vertex) -> Option<u32> {
+        Some(self.at[v as usize]).filter(|passage| *passage != NONE)
+    }
+
+    /// True if an agent at `v` is in nobody's way: others get round it on all sides, and it is not
+    /// before a passage.
+    pub(super) fn can_wait(&self, graph: &Graph, v: Vertex) -> bool {
+        let corner = |d: usize| {
+            let side = graph.around(v)[d];
+            graph.around(side)[(d + 1) % DIRECTIONS]
+        };
+        let free = |u: Vertex| u != graph.wall();
+        let before = self.contains(v) || self.approach[v as usize].is_some();
+        !before
+            && !self.beside[v as usize]
+            && graph.around(v).iter().all(|u| free(*u))
+            && (0..DIRECTIONS).all(|d| free(corner(d)))
     }
 
     #[inline]

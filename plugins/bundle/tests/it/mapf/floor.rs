@@ -132,6 +132,7 @@ impl Floor {
                 quarter_s: f64::from(u8::from(turning)),
             },
             traffic: None,
+            tasks: None,
             threads: manner.threads,
             guidance: None,
         };

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Footprint, Goals, GridEnvironment, GridPlan, Guidance, Heading, Instance, Robot, Snapshot,
-    Traffic,
+    Footprint, GoalTasks, Goals, GridEnvironment, GridPlan, Guidance, Heading, Instance, Robot,
+    Snapshot, Traffic,
 };
 use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
@@ -43,6 +43,7 @@ fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
         headings: None,
         turning: Turning::default(),
         traffic: None,
+        tasks: None,
         threads: 1,
         guidance: None,
     }
@@ -503,6 +504,58 @@ fn a_door_is_open_in_one_direction_at_a_time() {
         ways.push(from_west > 0);
     }
     assert_ne!(ways[0], ways[1], "either side has its turn");
+}
+
+/// All of a crowd want through one door: only some have leave, those who have waited longest for their
+/// goals, and nobody who stands in the way is held back.
+#[test]
+fn a_crowd_is_held_back_from_a_door() {
+    // Two rooms of 9 by 9 cells with a door between them.
+    let rows: Vec<String> = (0..9)
+        .map(|row| format!(".........{}.........", if row == 4 { '.' } else { '@' }))
+        .collect();
+    let map = grid::drawn(&rows);
+    let cell = |row: u32, col: u32| row * 19 + col;
+    let west: Vec<u32> = (0..9)
+        .flat_map(|row| (0..9).map(move |col| cell(row, col)))
+        .collect();
+    let starts: Vec<u32> = west.iter().copied().step_by(2).collect();
+    let goals: Vec<Vec<u32>> = starts.iter().map(|start| vec![start + 10]).collect();
+    let goals = grid::goals(&goals);
+    let agents = starts.len();
+    let tasks = |given_s: Vec<f64>| GoalTasks {
+        time_s: 100.0,
+        tasks: vec![None; agents],
+        errands: vec![None; agents],
+        released_s: given_s.clone(),
+        given_s,
+    };
+    let planner = lifelong(&map);
+    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24).with_signals();
+    let mut through = |tasks: Option<&GoalTasks>| {
+        let journeys = Journeys {
+            tasks,
+            ..journeys(&starts, &goals)
+        };
+        let mut by_street = streets.ranking(journeys, &mut || false);
+        let held = by_street.held();
+        let query = query(&starts, &goals, Some(30));
+        let run = lifelong(&map).run(&query, &mut by_street, &mut || false);
+        let (plan, _) = run.unwrap();
+        assert_eq!(judge(&map, &starts, &plan, false), Ok(()));
+        let passed = |agent: &usize| plan.path(*agent).contains(&cell(4, 9));
+        (held, (0..agents).filter(passed).collect::<Vec<usize>>())
+    };
+    let oldest_first = tasks((0..agents).map(|agent| agent as f64).collect());
+    let oldest_last = tasks((0..agents).map(|agent| -(agent as f64)).collect());
+    assert_eq!(through(None).0, 0);
+    let (held, first) = through(Some(&oldest_first));
+    // Not those at walls, nor before the door.
+    assert!((5..agents - 20).contains(&held), "{held} of {agents}");
+    let (_, last) = through(Some(&oldest_last));
+    assert!(!first.is_empty() && !last.is_empty());
+    let mean = |agents: &[usize]| agents.iter().sum::<usize>() as f64 / agents.len() as f64;
+    assert!(mean(&first) < mean(&last), "{first:?} {last:?}");
 }
 
 /// Another run, in which the number of a snapshot stood for other averages, makes no difference.
