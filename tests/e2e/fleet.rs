@@ -466,6 +466,39 @@ fn a_fleet_that_jams_is_told_so() {
     );
 }
 
+/// A replay, which asks no planner, has the figure as well.
+#[test]
+fn robots_that_are_held_back_are_told_of() {
+    let row = |door| format!("............{door}............\n");
+    let rows: String = (0..12)
+        .map(|at| row(if at == 6 { '.' } else { '@' }))
+        .collect();
+    let yard = Yard::new();
+    yard.write(
+        "rooms.map",
+        &format!("type octile\nheight 12\nwidth 25\nmap\n{rows}"),
+    );
+    let run = |more: &str| {
+        let line = format!(
+            "fleet --map rooms.map --agents 80 --model agv --duration 30s --planner pibt --window 10s {more}"
+        );
+        yard.line(&line).expect(SUCCESS)
+    };
+    let ran = run("--record rooms.jsonl");
+    assert!(
+        ran.stderr.contains("note: the planner holds back ")
+            && ran.stderr.contains("of 80 robots on average"),
+        "{ran}"
+    );
+    let held = |outcome: &Value| outcome["metrics"]["held_back"].as_f64().unwrap();
+    let asked = held(&run("--format json").json());
+    assert!((1.0..60.0).contains(&asked), "{asked}");
+    let replayed = yard
+        .line("fleet --replay rooms.jsonl --format json")
+        .expect(SUCCESS);
+    assert_eq!(held(&replayed.json()).to_bits(), asked.to_bits());
+}
+
 #[test]
 fn an_interrupted_run_has_results_and_can_go_on() {
     if is_ignored("INT") {

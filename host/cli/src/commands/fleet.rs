@@ -887,8 +887,8 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
     if let Format::Text = arguments.format {
         if let Some(held) = outcome.metrics.held_back.filter(|held| *held >= 1.0) {
             output::note(&format!(
-                "the planner holds back {held:.0} of {} robots on average, for whom there is no way \
-                 at a time: fewer robots deliver as much",
+                "the planner holds back {held:.0} of {} robots on average, since too many want through the \
+                 same passages: fewer robots deliver as much",
                 outcome.config.agents
             ));
         }
