@@ -605,8 +605,8 @@ mod tests {
         assert_eq!(
             said(&rows),
             [
-                "More robots deliver less with pibt on aisles: goals per second are 8.50 of 1000 in 2 runs, and \
-              7.17 of 1500 in 1 run."
+                "More robots deliver less with pibt on aisles: goals per second are 8.50 of 1\u{202f}000 in 2 runs, and \
+              7.17 of 1\u{202f}500 in 1 run."
             ]
         );
         rows.truncate(3);
