@@ -464,7 +464,7 @@ fn crowds(trials: &Trials<'_>) -> Vec<String> {
             )
         };
         let larger = teams.iter().map(|(_, team)| team).filter(less).map(says);
-        let larger = Vec::from_iter(larger).join(", ");
+        let larger = larger.collect::<Vec<_>>().join(", ");
         (!larger.is_empty()).then(|| {
             format!(
                 "More robots deliver less with {planner} on {map}: goals per second are {}, and {larger}.",
