@@ -476,7 +476,7 @@ fn robots_that_are_held_back_are_told_of() {
     let yard = Yard::new();
     yard.write(
         "rooms.map",
-        &format!("type octile\nheight 12\nwidth 25\nmap\n{rows}"),
+        format!("type octile\nheight 12\nwidth 25\nmap\n{rows}"),
     );
     let run = |more: &str| {
         let line = format!(
