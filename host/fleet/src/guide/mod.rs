@@ -152,19 +152,16 @@ impl<'a> UpdateModel<'a> {
         let middle = [self.grid.rows(), self.grid.cols()].map(|size| f64::from(size - 1) / 2.0);
         let ([row, col], [to_row, to_col]) = (place(cell), place(to));
         let [step_row, step_col] = STEPS[d].map(|step| step as f64);
-        // Clockwise round the middle of the map.
-        let (y, x) = (
-            (row - middle[0]) / (middle[0] + 1.0),
-            (col - middle[1]) / (middle[1] + 1.0),
-        );
-        let clockwise = x * step_row - y * step_col;
-        let outward = |row: f64, col: f64| {
-            let [y, x] = [
+        let from_middle = |row: f64, col: f64| {
+            [
                 (row - middle[0]) / (middle[0] + 1.0),
                 (col - middle[1]) / (middle[1] + 1.0),
-            ];
-            y.abs().max(x.abs())
+            ]
         };
+        let [y, x] = from_middle(row, col);
+        let clockwise = x * step_row - y * step_col;
+        let [to_y, to_x] = from_middle(to_row, to_col);
+        let outward = to_y.abs().max(to_x.abs());
         // East and west in turn, south and north.
         let line = if d % 2 == 1 { row } else { col } as u32;
         let along = usize::from(line.is_multiple_of(2)) == usize::from(d == 1 || d == 2);
@@ -182,7 +179,7 @@ impl<'a> UpdateModel<'a> {
             if along { 1.0 } else { -1.0 },
             wall(d + 1) - wall(d + 3),
             clockwise,
-            outward(to_row, to_col),
+            outward,
         ])
     }
 
