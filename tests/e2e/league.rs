@@ -173,7 +173,10 @@ fn a_run_is_replayed_resumed_and_drawn_like_any_other() {
     let other = yard
         .line("fleet --replay run --instance moved/corridor.json")
         .expect(INPUT);
-    assert!(other.stderr.contains("robots, tasks, starts or guidance"), "{other}");
+    assert!(
+        other.stderr.contains("robots, tasks, starts or guidance"),
+        "{other}"
+    );
 }
 
 #[test]
