@@ -289,6 +289,8 @@ pub struct Tables<K, T> {
     limit: u64,
     bytes: u64,
     call: u64,
+    /// The keys that this call has asked for.
+    asked: Vec<K>,
     kept: BTreeMap<K, Kept<T>>,
 }
 
@@ -307,6 +309,7 @@ impl<K: Copy + Ord, T> Tables<K, T> {
             limit,
             bytes: 0,
             call: 0,
+            asked: Vec::new(),
             kept: BTreeMap::new(),
         }
     }
@@ -326,16 +329,21 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         self.kept.values().map(|kept| &*kept.table)
     }
 
-    /// Counts anew how many bytes tables take that grow while they are in use. Those that the last
-    /// call has not asked for go until all take no more than `idle`; and all go where they take
-    /// more than three quarters of the limit, so that those of the next call grow from nothing.
+    /// Counts anew how many bytes the tables take that the last call has asked for, as tables grow while
+    /// they are in use. Where all take more than `idle`, the others go until they take three quarters of
+    /// that, so that this is rare; and all go where they take more than three quarters of the limit, so
+    /// that those of the next call grow from nothing.
     pub fn weigh(&mut self, idle: u64, bytes: impl Fn(&T) -> u64) {
-        self.bytes = 0;
-        for kept in self.kept.values_mut() {
-            kept.bytes = bytes(&kept.table);
-            self.bytes += kept.bytes;
+        for key in &self.asked {
+            if let Some(kept) = self.kept.get_mut(key) {
+                self.bytes -= kept.bytes;
+                kept.bytes = bytes(&kept.table);
+                self.bytes += kept.bytes;
+            }
         }
-        self.drop_old(idle);
+        if self.bytes > idle {
+            self.drop_old(idle - idle / 4);
+        }
         if self.bytes > self.limit - self.limit / 4 {
             self.kept.clear();
             self.bytes = 0;
@@ -345,12 +353,16 @@ impl<K: Copy + Ord, T> Tables<K, T> {
     /// A call begins: tables that it does not ask for may go.
     pub fn begin(&mut self) {
         self.call += 1;
+        self.asked.clear();
     }
 
     /// The table of a key, if it is kept.
     pub fn kept(&mut self, key: K) -> Option<Arc<T>> {
         let kept = self.kept.get_mut(&key)?;
-        kept.call = self.call;
+        if kept.call != self.call {
+            kept.call = self.call;
+            self.asked.push(key);
+        }
         Some(Arc::clone(&kept.table))
     }
 
@@ -375,6 +387,7 @@ impl<K: Copy + Ord, T> Tables<K, T> {
             bytes,
             call: self.call,
         };
+        self.asked.push(key);
         self.kept.insert(key, kept);
         Some(table)
     }
