@@ -116,6 +116,16 @@ pub enum RoadmapRule {
     Near,
 }
 
+impl RoadmapRule {
+    /// True for rules about two agents, which meet or come too near.
+    pub fn is_contact(self) -> bool {
+        matches!(
+            self,
+            Self::VertexConflict | Self::HeadOn | Self::Headway | Self::CrossingEdges | Self::Near
+        )
+    }
+}
+
 words!(RoadmapRule {
     AgentCount = "agent-count";
     WrongStart = "wrong-start";

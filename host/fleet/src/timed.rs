@@ -186,7 +186,7 @@ impl Timed {
             ..RoadmapTask::new(&self.view.roadmap, &self.disc, self.speed_m_per_s)
         };
         let verdict = validate_roadmap(&plan, &task, DESCRIBED);
-        let counts = |rule| !is_contact(rule);
+        let counts = |rule: RoadmapRule| !rule.is_contact();
         let mut found = verdict.violations.iter();
         // After the window they stop where they are: what happens then is not part of the plan.
         if let Some(first) = found.find(|found| found.time_s < window_s || counts(found.rule)) {
@@ -220,17 +220,6 @@ impl Timed {
         });
         moves.collect()
     }
-}
-
-fn is_contact(rule: RoadmapRule) -> bool {
-    matches!(
-        rule,
-        RoadmapRule::VertexConflict
-            | RoadmapRule::HeadOn
-            | RoadmapRule::Headway
-            | RoadmapRule::CrossingEdges
-            | RoadmapRule::Near
-    )
 }
 
 /// The moves that begin before the end of the window.

@@ -188,17 +188,7 @@ impl Question for RoadmapScene {
             ..RoadmapTask::new(&roadmap, &disc, own.speed_m_per_s)
         };
         let verdict = validate_roadmap(&plan, &task, VIOLATIONS);
-        let counts = |rule: RoadmapRule| {
-            let is_contact = matches!(
-                rule,
-                RoadmapRule::VertexConflict
-                    | RoadmapRule::HeadOn
-                    | RoadmapRule::Headway
-                    | RoadmapRule::CrossingEdges
-                    | RoadmapRule::Near
-            );
-            !(is_contact && rules.may_collide)
-        };
+        let counts = |rule: RoadmapRule| !(rule.is_contact() && rules.may_collide);
         let found = verdict.violations.iter().find(|found| counts(found.rule));
         if let Some(found) = found {
             return Err(format!("{} ({})", found.sentence, found.rule));

@@ -1,7 +1,7 @@
 //! Agents that are held back, so that no crowd closes the ways to a door.
 //!
-//! Where one door carries the ways of many, all of them come to the rooms before it, and nobody who has
-//! passed gets away through them. So no more than a few agents have leave to go to a passage at a time:
+//! One door may carry the ways of many: all of them come to the rooms before it, and nobody who has passed
+//! gets away through them. So no more than a few agents have leave to go to a passage at a time:
 //! those that have had their goals for longest, whom nobody overtakes. The others stay where they are
 //! in nobody's way, and whoever comes by pushes them aside. This is perimeter control, as road traffic
 //! has it (Daganzo, Transportation Research B 41, 2007), of each passage by itself.
