@@ -11,6 +11,7 @@ mod bench;
 mod bundle;
 mod cli;
 mod compare;
+mod continuous;
 mod controls;
 mod convert;
 mod discovery;

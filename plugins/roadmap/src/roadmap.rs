@@ -18,6 +18,9 @@ pub type Edge = u32;
 /// No vertex and no edge.
 pub const NONE: u32 = u32::MAX;
 
+/// Seconds that an edge between two vertices at one place takes at least: less than judges tell apart, and more than rounding.
+const NO_TIME: f64 = 1e-9;
+
 /// The reason why there is no roadmap of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refused {
@@ -26,7 +29,7 @@ pub enum Refused {
         /// The edge, in the order in which edges were given.
         edge: usize,
     },
-    /// An edge takes no time, or no finite one.
+    /// An edge between two places takes no time, or one takes no finite time.
     NoDuration {
         /// The edge, in the order in which edges were given.
         edge: usize,
@@ -138,6 +141,12 @@ impl Roadmap {
             if source as usize >= count || target as usize >= count {
                 return Err(Refused::NoVertex { edge });
             }
+            let is_in_place = places[source as usize] == places[target as usize];
+            let duration = if is_in_place && duration == 0.0 {
+                NO_TIME
+            } else {
+                duration
+            };
             if !(duration > 0.0 && duration.is_finite()) {
                 return Err(Refused::NoDuration { edge });
             }
