@@ -166,6 +166,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("theta-star", IN_WORKER),
     ("roadmap-pp", IN_WORKER),
     ("roadmap-pp", IN_HOST),
+    ("ctc", IN_WORKER),
+    ("ctc", IN_HOST),
     ("plane-pp", IN_WORKER),
     ("plane-pp", IN_HOST),
 ];

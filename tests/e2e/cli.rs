@@ -460,6 +460,7 @@ fn plugins_are_listed_and_described() {
             "cbs",
             "ecbs",
             "roadmap-pp",
+            "ctc",
             "plane-pp",
             "empty",
             "astar",

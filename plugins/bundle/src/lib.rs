@@ -7,7 +7,7 @@ use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
-use fleetyard_plugin_roadmap::plugin::RoadmapPrioritised;
+use fleetyard_plugin_roadmap::plugin::{Ctc, RoadmapPrioritised};
 use fleetyard_plugin_search::plugin as search;
 
 mod empty;
@@ -25,6 +25,7 @@ fleetyard_abi::export! {
         ConflictBasedSearch,
         BoundedSearch,
         RoadmapPrioritised,
+        Ctc,
         PlanePrioritised,
         empty::Empty,
         search::Astar,

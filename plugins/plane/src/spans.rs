@@ -67,3 +67,21 @@ impl Spans {
         self.0.clear();
     }
 }
+
+impl FromIterator<Span> for Spans {
+    fn from_iter<T: IntoIterator<Item = Span>>(spans: T) -> Self {
+        let mut all: Vec<Span> = spans
+            .into_iter()
+            .filter(|span| span.low < span.high)
+            .collect();
+        all.sort_unstable_by(|one, other| one.low.total_cmp(&other.low));
+        all.dedup_by(|next, last| {
+            let joins = next.low <= last.high;
+            if joins {
+                last.high = last.high.max(next.high);
+            }
+            joins
+        });
+        Self(all)
+    }
+}

@@ -2,6 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance, Status};
+use fleetyard_plugin_spacetime::order::Prefer;
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use schemars::JsonSchema;
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::planner::{Control, Outcome};
 use crate::prioritized;
-use crate::search::{self, Prefer};
+use crate::search;
 
 /// Charge of a turn, in steps, for a robot that drives about as fast as it turns: it stops, turns
 /// and sets out again.

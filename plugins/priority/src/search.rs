@@ -23,13 +23,12 @@
 
 use fleetyard_plugin_spacetime::conflict::{Conflict, Conflicts, FOREVER, Kind, Rules};
 use fleetyard_plugin_spacetime::graph::Vertex;
+use fleetyard_plugin_spacetime::order::{Order, Prefer};
 use fleetyard_plugin_spacetime::plan::Paths;
 use fleetyard_plugin_spacetime::problem::Problem;
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_plugin_spacetime::reservation::Imprint;
 use fleetyard_plugin_spacetime::sipp::{Found, Miss};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::planner::{Control, Outcome, Single};
 
@@ -42,17 +41,6 @@ const PATIENCE: u64 = 20;
 /// A path counts for so many expanded states beside its own: in a short window few are expanded,
 /// and it is the tables of the others' paths that take the time.
 const PATH: u64 = 32;
-
-/// The child of a node that is looked at first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Prefer {
-    /// The one with fewer collisions, of equal ones that of less cost.
-    #[default]
-    Collisions,
-    /// The one of less cost, of equal ones that with fewer collisions.
-    Cost,
-}
 
 /// Options of priority-based search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -129,88 +117,6 @@ enum End {
     Stopped,
     Exhausted,
     Memory,
-}
-
-/// A partial order: per agent those directly before and after it.
-struct Order {
-    before: Vec<Vec<u32>>,
-    after: Vec<Vec<u32>>,
-    /// Stamps of the last walk over the agents.
-    seen: Vec<u32>,
-    walk: u32,
-    stack: Vec<u32>,
-}
-
-impl Order {
-    fn new(agents: usize) -> Self {
-        Self {
-            before: vec![Vec::new(); agents],
-            after: vec![Vec::new(); agents],
-            seen: vec![0; agents],
-            walk: 0,
-            stack: Vec::new(),
-        }
-    }
-
-    fn decide(&mut self, (first, then): (u32, u32)) {
-        self.before[then as usize].push(first);
-        self.after[first as usize].push(then);
-    }
-
-    /// Takes the last decision back.
-    fn forget(&mut self, (first, then): (u32, u32)) {
-        self.before[then as usize].pop();
-        self.after[first as usize].pop();
-    }
-
-    /// Marks all that come before an agent; asked for by [`Order::is_before`].
-    fn mark_before(&mut self, agent: u32) {
-        self.walk += 1;
-        self.stack.clear();
-        self.stack.push(agent);
-        while let Some(at) = self.stack.pop() {
-            for &up in &self.before[at as usize] {
-                if self.seen[up as usize] != self.walk {
-                    self.seen[up as usize] = self.walk;
-                    self.stack.push(up);
-                }
-            }
-        }
-    }
-
-    /// True if an agent was marked by the last [`Order::mark_before`].
-    fn is_before(&self, agent: u32) -> bool {
-        self.seen[agent as usize] == self.walk
-    }
-
-    /// An agent and all that come after it, each after those before it.
-    fn from(&mut self, agent: u32) -> Vec<u32> {
-        let met = self.walk + 1;
-        self.walk += 2;
-        let mut sorted = Vec::new();
-        self.stack.clear();
-        self.stack.push(agent);
-        while let Some(&at) = self.stack.last() {
-            let seen = &mut self.seen[at as usize];
-            if *seen < met {
-                *seen = met;
-                for &down in &self.after[at as usize] {
-                    if self.seen[down as usize] < met {
-                        self.stack.push(down);
-                    }
-                }
-                continue;
-            }
-            // All after it are done.
-            if *seen == met {
-                *seen = self.walk;
-                sorted.push(at);
-            }
-            self.stack.pop();
-        }
-        sorted.reverse();
-        sorted
-    }
 }
 
 /// The path of an agent.
@@ -420,21 +326,12 @@ impl Run<'_, '_> {
         // In a ring some may be ordered already. If all were, the last would have kept out.
         for (at, (a, _)) in members.iter().enumerate() {
             for (b, _) in &members[at + 1..] {
-                if !self.ordered(*a, *b) {
+                if !self.order.are_ordered((*a, *b)) {
                     return Some((*a, *b));
                 }
             }
         }
         Some((first.agents[0], first.agents[1]))
-    }
-
-    fn ordered(&mut self, a: u32, b: u32) -> bool {
-        self.order.mark_before(a);
-        if self.order.is_before(b) {
-            return true;
-        }
-        self.order.mark_before(b);
-        self.order.is_before(a)
     }
 
     /// Both decisions about a pair, as far as there are paths; the better one last.

@@ -1,37 +1,61 @@
-//! Plans for the first N discs of a file of tasks on a roadmap: `ctc TASKS N [ORDERS [SEED]]`.
+//! Plans for the first N discs of a file of tasks on a roadmap: `ctc TASKS N [ORDERS [SEED [SECONDS]]]`; no orders: priorities alone.
 
 #[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
 
 use std::error::Error;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use fleetyard_plugin_plane::orders::End;
 use fleetyard_plugin_roadmap::closeness::Closeness;
+use fleetyard_plugin_roadmap::ctc::{Ended, Settings, plan};
+use fleetyard_plugin_roadmap::pbs::{Control, End};
 use fleetyard_plugin_roadmap::priority::sum_of_costs;
+use fleetyard_plugin_roadmap::rest::Known;
+use fleetyard_plugin_spacetime::order::Prefer;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [tasks, agents, rest @ ..] = words.as_slice() else {
-        return Err("ctc TASKS N [ORDERS [SEED]]".into());
+        return Err("ctc TASKS N [ORDERS [SEED [SECONDS]]]".into());
     };
     let number = |at: usize, default| rest.get(at).map_or(Ok(default), |word| word.parse());
-    let (orders, seed) = (number(0, 1000)?, number(1, 1)?);
+    let settings = Settings {
+        orders: number(0, 20)?,
+        seed: number(1, 1)?,
+        prefer: Prefer::default(),
+    };
+    let limit = Duration::from_secs(number(2, 10)?);
     let case = support::Case::read(tasks.as_ref(), agents.parse()?)?;
     let begin = Instant::now();
     let closeness = Closeness::new(case.roadmap.clone());
-    let outcome = support::planned(&closeness, &case.tasks, orders, seed);
+    let mut control = Control {
+        stop: &mut || begin.elapsed() > limit,
+        nodes: u64::MAX,
+        memory: 1 << 30,
+    };
+    let discs = support::discs(&case.tasks);
+    let team = (discs.as_slice(), f64::INFINITY);
+    let outcome = plan(
+        &closeness,
+        &mut Known::default(),
+        team,
+        settings,
+        &mut control,
+        &mut |paths| {
+            let seconds = begin.elapsed().as_secs_f64();
+            print!("{:.3} after {seconds:.4} s; ", sum_of_costs(paths));
+        },
+    );
     let seconds = begin.elapsed().as_secs_f64();
-    let (orders, expanded) = (outcome.orders, outcome.expanded);
+    let (orders, nodes, expanded) = (outcome.orders, outcome.nodes, outcome.expanded);
+    let work = format!("orders {orders} nodes {nodes} expanded {expanded} seconds {seconds:.4}");
     match outcome.end {
-        End::Solved(paths) => {
+        Ended::Tried(End::Solved(paths)) => {
             let cost = sum_of_costs(&paths);
             let apart = support::least_distance(&case.roadmap, &paths);
-            println!(
-                "cost {cost:.3} orders {orders} expanded {expanded} seconds {seconds:.4} least distance {apart:.9}"
-            );
+            println!("cost {cost:.3} {work} least distance {apart:.9}");
         }
-        other => println!("{other:?} orders {orders} expanded {expanded} seconds {seconds:.4}"),
+        other => println!("{other:?} {work}"),
     }
     Ok(())
 }

@@ -11,11 +11,17 @@
 //! - [`rest::Rest`]: goals, and lower bounds of the time to them;
 //! - [`sipp::Search`]: the earliest path of one disc among the paths of others;
 //! - [`priority`]: prioritised planning with restarts;
-//! - [`plugin`]: the planner behind the contract.
+//! - [`crowd`]: the paths of a team, and whom each of them meets;
+//! - [`pbs`]: priorities only between discs that meet;
+//! - [`ctc`]: orders first, then priorities between two;
+//! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod closeness;
+pub mod crowd;
+pub mod ctc;
 pub mod drive;
+pub mod pbs;
 pub mod plan;
 pub mod plugin;
 pub mod priority;

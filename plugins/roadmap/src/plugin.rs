@@ -1,4 +1,13 @@
-//! The planner behind the plugin contract: id `roadmap-pp`.
+//! Planners of discs on roadmaps behind the plugin contract.
+//!
+//! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`OnRoadmap`] makes the plugin
+//! of it.
+
+mod ctc;
+mod pp;
+
+pub use ctc::{Ctc, Options as CtcOptions};
+pub use pp::{Options as PrioritisedOptions, RoadmapPrioritised};
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
@@ -6,39 +15,60 @@ use fleetyard_abi::{
     SharedEnvironment, Status, Visit, VisitPlan,
 };
 use fleetyard_plugin_plane::Vector;
-use fleetyard_plugin_plane::orders::End;
-use fleetyard_plugin_plane::plugin::{OrderOptions, unsolved};
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 
 use crate::closeness::Closeness;
 use crate::drive::Limits;
 use crate::plan::Path;
-use crate::priority::{Disc, Outcome, plan};
+use crate::priority::Disc;
 use crate::rest::Known;
 use crate::roadmap::{Roadmap, Vertex};
 
-/// Prioritised planning of discs on roadmaps.
-#[derive(Debug)]
-pub struct RoadmapPrioritised(OrderOptions);
+/// A way to plan; the type is that of its options.
+pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
+    /// The identifier.
+    const ID: &'static str;
+    /// The name.
+    const NAME: &'static str;
+    /// The method in a sentence or two, with its source.
+    const ABOUT: &'static str;
+    /// Capabilities besides [`Capability::Roadmap`], [`Capability::StopGo`], [`Capability::Heterogeneous`] and
+    /// [`Capability::Deterministic`].
+    const CAPABILITIES: &'static [Capability];
 
-impl Plugin for RoadmapPrioritised {
+    /// Plans for a team, and submits plans to the call.
+    fn solve(&self, team: Team<'_>, call: &Call<'_>) -> Result<(), Failure>;
+}
+
+/// A team on a roadmap.
+#[derive(Debug)]
+pub struct Team<'a> {
+    /// The roadmap, and what is close on it.
+    pub closeness: &'a Closeness,
+    /// What is known of ways to goals.
+    pub known: &'a mut Known,
+    /// The discs.
+    pub discs: Vec<Disc>,
+    /// Seconds after which discs may be in each other's way; infinite for whole paths.
+    pub until: f64,
+}
+
+/// The plugin of a [`Method`].
+#[derive(Debug)]
+pub struct OnRoadmap<M>(M);
+
+impl<M: Method> Plugin for OnRoadmap<M> {
     fn descriptor() -> Descriptor {
-        let about = "Plans discs on a roadmap one after the other by safe intervals, with the exact \
-            times at which discs on edges and vertices are too close to each other (Kasaura, \
-            Nishimura, Yonetani, RA-L 2022). For the motion `slower`, robots on wheels whose headings \
-            are given turn in place and drive from rest to rest (Yan, Li, AAAI 2025). Neither complete \
-            nor optimal.";
-        let names = ("roadmap-pp", "Prioritised planning on roadmaps");
-        let capabilities = [
+        let common = &[
             Capability::Roadmap,
             Capability::StopGo,
-            Capability::Slower,
-            Capability::Windowed,
-            Capability::Idle,
             Capability::Heterogeneous,
             Capability::Deterministic,
         ];
-        described::<OrderOptions>(Kind::Planner, names, about, [&capabilities, &[]])
+        let names = (M::ID, M::NAME);
+        described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
@@ -94,7 +124,7 @@ fn limits(instance: &Instance) -> Option<Limits> {
     limits?.into_iter().reduce(Limits::and)
 }
 
-impl Planner for RoadmapPrioritised {
+impl<M: Method> Planner for OnRoadmap<M> {
     type Map = Map;
 
     fn prepare(
@@ -136,23 +166,20 @@ impl Planner for RoadmapPrioritised {
         } else {
             f64::INFINITY
         };
-        let limit = self.0.within(budget);
-        let team = (discs.as_slice(), until);
-        let Outcome {
-            end,
-            orders,
-            expanded,
-        } = plan(closeness, known, team, limit, budget.seed, &mut || {
-            call.stop()
-        });
-        call.metric("nodes", orders as f64);
-        call.metric("expansions", expanded as f64);
-        let End::Solved(paths) = end else {
-            return Err(unsolved(end == End::Stopped, orders));
+        let team = Team {
+            closeness,
+            known,
+            discs,
+            until,
         };
-        let visits: VisitPlan = paths.iter().map(visits).collect();
-        Ok(sink.submit(&visits)?)
+        self.0.solve(team, &call)
     }
+}
+
+/// The failure of a team of which a disc has no way to its goals.
+fn no_way(disc: usize) -> Failure {
+    let reason = format!("no way leads agent {disc} to its goal, not even alone");
+    Failure::new(Status::Infeasible, reason)
 }
 
 fn roadmap(given: &RoadmapEnvironment) -> Result<Roadmap, Failure> {
@@ -168,8 +195,8 @@ fn roadmap(given: &RoadmapEnvironment) -> Result<Roadmap, Failure> {
         .map_err(|refused| Failure::new(Status::InvalidInput, refused.to_string()))
 }
 
-/// A path for the host, where the last visit ends when it begins.
-fn visits(path: &Path) -> Vec<Visit> {
+/// Hands over paths; for the host the last visit ends when it begins.
+fn submit(call: &Call<'_>, paths: &[Path]) {
     let visit = |visit: &crate::plan::Visit| Visit {
         vertex: visit.vertex,
         arrival_s: visit.arrival,
@@ -179,5 +206,7 @@ fn visits(path: &Path) -> Vec<Visit> {
             visit.arrival
         },
     };
-    path.iter().map(visit).collect()
+    let visits = |path: &Path| -> Vec<Visit> { path.iter().map(visit).collect() };
+    let plan: VisitPlan = paths.iter().map(visits).collect();
+    call.submit(&plan);
 }

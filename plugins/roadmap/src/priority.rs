@@ -34,57 +34,86 @@ pub struct Outcome {
     pub expanded: u64,
 }
 
+/// The goals of discs with what is known of the ways there; none when it is told to stop. What is known by then is there for the
+/// next call.
+pub fn rests(
+    closeness: &Closeness,
+    known: &mut Known,
+    (discs, until): (&[Disc], f64),
+    stop: &mut dyn FnMut() -> bool,
+) -> Option<Vec<Rest>> {
+    let stays = until == f64::INFINITY;
+    let mut rests = Vec::with_capacity(discs.len());
+    for disc in discs {
+        if stop() {
+            return None;
+        }
+        rests.push(Rest::to(closeness.roadmap(), &disc.goals, stays, known));
+    }
+    Some(rests)
+}
+
+/// The questions for discs with these goals, up to the time `until`.
+pub fn tasks<'a>((discs, until): (&[Disc], f64), rests: &'a [Rest]) -> Vec<Task<'a>> {
+    let each = discs.iter().zip(rests);
+    each.map(|(disc, rest)| Task {
+        start: disc.start,
+        direction: disc.direction,
+        rest,
+        until,
+    })
+    .collect()
+}
+
 /// Plans for discs up to the time `until`, after which they may be in each other's way; infinite for whole paths. At most `limit`
 /// orders are tried.
 pub fn plan(
     closeness: &Closeness,
     known: &mut Known,
-    (discs, until): (&[Disc], f64),
+    team: (&[Disc], f64),
     limit: u64,
     seed: u64,
     stop: &mut dyn FnMut() -> bool,
 ) -> Outcome {
-    let roadmap = closeness.roadmap();
-    let mut rests = Vec::with_capacity(discs.len());
-    for disc in discs {
-        // What is known by then is there for the next call.
-        if stop() {
-            return Outcome {
-                end: End::Stopped,
-                orders: 0,
-                expanded: 0,
-            };
-        }
-        let stays = until == f64::INFINITY;
-        rests.push(Rest::to(roadmap, &disc.goals, stays, known));
-    }
-    let tasks: Vec<Task<'_>> = discs
-        .iter()
-        .zip(&rests)
-        .map(|(disc, rest)| Task {
-            start: disc.start,
-            direction: disc.direction,
-            rest,
-            until,
-        })
-        .collect();
-    let way = |task: &Task<'_>| {
-        let met = task.rest.met(0, task.start);
-        task.rest.from(roadmap, met, task.start, |_| 0.0)
+    let Some(rests) = rests(closeness, known, team, stop) else {
+        return Outcome {
+            end: End::Stopped,
+            orders: 0,
+            expanded: 0,
+        };
     };
-    let ways: Vec<f64> = tasks.iter().map(way).collect();
-    let (mut taken, mut search) = (Reservations::new(closeness), Search::new(roadmap));
-    for task in &tasks {
+    let mut search = Search::new(closeness.roadmap());
+    let tasks = tasks(team, &rests);
+    let (end, orders) = in_orders(closeness, &tasks, (limit, seed), &mut search, stop);
+    Outcome {
+        end,
+        orders,
+        expanded: search.expanded,
+    }
+}
+
+/// Plans in at most `limit` orders, the longest way first, and says how many were tried.
+pub fn in_orders(
+    closeness: &Closeness,
+    tasks: &[Task<'_>],
+    (limit, seed): (u64, u64),
+    search: &mut Search,
+    stop: &mut dyn FnMut() -> bool,
+) -> (End<Vec<Path>>, u64) {
+    let roadmap = closeness.roadmap();
+    let ways: Vec<f64> = tasks.iter().map(|task| task.alone(roadmap)).collect();
+    let mut taken = Reservations::new(closeness);
+    for task in tasks {
         taken.hold(closeness, task.start, task.least_stay(roadmap));
     }
-    let (end, orders) = try_orders(longest_first(&ways), limit, seed, |order| {
+    try_orders(longest_first(&ways), limit, seed, |order| {
         taken.clear();
         let mut paths = vec![Path::new(); tasks.len()];
         for (place, agent) in order.iter().map(|agent| *agent as usize).enumerate() {
             taken.release(agent);
             match search.find(roadmap, &taken, &tasks[agent], stop) {
                 Found::Path(path) => {
-                    taken.reserve(closeness, &path, until);
+                    taken.reserve(closeness, &path, tasks[agent].until);
                     paths[agent] = path;
                 }
                 Found::None => return Attempt::Blocked(place),
@@ -92,12 +121,7 @@ pub fn plan(
             }
         }
         Attempt::Solved(paths)
-    });
-    Outcome {
-        end,
-        orders,
-        expanded: search.expanded,
-    }
+    })
 }
 
 /// Sum of the times at which paths arrive.

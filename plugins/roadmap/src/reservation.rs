@@ -6,6 +6,75 @@ use fleetyard_plugin_plane::spans::Spans;
 use crate::closeness::Closeness;
 use crate::plan::Visit;
 use crate::roadmap::{Edge, NONE, Vertex};
+use crate::sipp::Taken;
+
+/// Hears what a path takes: times at which no other disc may be at a vertex, or set out on an edge.
+pub trait Listener {
+    /// A vertex is taken.
+    fn vertex(&mut self, vertex: Vertex, span: Span);
+
+    /// An edge is taken.
+    fn edge(&mut self, edge: Edge, span: Span);
+}
+
+/// Tells what a path takes until a time, after which it may be in anybody's way.
+pub fn tell(closeness: &Closeness, path: &[Visit], until: f64, listener: &mut impl Listener) {
+    for visit in path.iter().take_while(|visit| visit.arrival < until) {
+        let (from, to) = (visit.arrival, visit.departure.min(until));
+        for vertex in closeness.vertices_of_vertex(visit.vertex) {
+            let stay = Span {
+                low: from,
+                high: to,
+            };
+            listener.vertex(*vertex, stay);
+        }
+        for (edge, near) in closeness.edges_of_vertex(visit.vertex) {
+            // Who sets out later is near after the stay, and who sets out earlier was near before.
+            let (low, high) = (from - near.high, to - near.low);
+            listener.edge(*edge, Span { low, high });
+        }
+        if visit.onward != NONE && visit.departure < until {
+            for (vertex, near) in closeness.vertices_of_edge(visit.onward) {
+                listener.vertex(vertex, near.after(visit.departure));
+            }
+            for (other, later) in closeness.edges_of_edge(visit.onward) {
+                listener.edge(other, later.after(visit.departure));
+            }
+        }
+    }
+}
+
+/// Discs without a path that hold the places where they start: others would come while they cannot be gone.
+#[derive(Debug, Clone)]
+pub struct Held {
+    /// Per edge, discs that hold it at first, and until when nobody should set out on it.
+    edges: Vec<Vec<(u32, f64)>>,
+}
+
+impl Held {
+    /// By nobody.
+    pub fn new(closeness: &Closeness) -> Self {
+        Self {
+            edges: vec![Vec::new(); closeness.roadmap().edges()],
+        }
+    }
+
+    /// Lets a disc hold its start until a time.
+    pub fn hold(&mut self, closeness: &Closeness, disc: usize, (start, until): (Vertex, f64)) {
+        if until > 0.0 {
+            for (edge, near) in closeness.edges_of_vertex(start) {
+                self.edges[*edge as usize].push((disc as u32, until - near.low));
+            }
+        }
+    }
+
+    /// The first time from `time` on at which a disc should set out on an edge with regard to those that count.
+    pub fn first_free(&self, edge: Edge, time: f64, counts: impl Fn(u32) -> bool) -> f64 {
+        let held = self.edges[edge as usize].iter();
+        let held = held.filter(|(disc, _)| counts(*disc));
+        held.fold(time, |time, (_, until)| time.max(*until))
+    }
+}
 
 /// Times at which a disc must not be at a vertex, or must not set out on an edge.
 #[derive(Debug, Clone)]
@@ -14,8 +83,7 @@ pub struct Reservations {
     edges: Vec<Spans>,
     used_vertices: Vec<Vertex>,
     used_edges: Vec<Edge>,
-    /// Per edge, discs that hold it at first, and until when nobody should set out on it.
-    held: Vec<Vec<(u32, f64)>>,
+    held: Held,
     /// True per disc that holds nothing any more.
     released: Vec<bool>,
 }
@@ -28,39 +96,16 @@ impl Reservations {
             edges: vec![Spans::new(); closeness.roadmap().edges()],
             used_vertices: Vec::new(),
             used_edges: Vec::new(),
-            held: vec![Vec::new(); closeness.roadmap().edges()],
+            held: Held::new(closeness),
             released: Vec::new(),
         }
     }
 
-    /// Times at which a vertex is taken.
-    pub fn vertex(&self, vertex: Vertex) -> &Spans {
-        &self.vertices[vertex as usize]
-    }
-
-    /// Times at which no disc may set out on an edge.
-    pub fn edge(&self, edge: Edge) -> &Spans {
-        &self.edges[edge as usize]
-    }
-
-    /// The first time from `time` on at which a disc may set out on an edge, and should with regard to those who hold it.
-    pub fn first_free(&self, edge: Edge, time: f64) -> f64 {
-        let held = self.held[edge as usize].iter();
-        let held = held.filter(|(disc, _)| !self.released[*disc as usize]);
-        let time = held.fold(time, |time, (_, until)| time.max(*until));
-        self.edge(edge).first_outside(time)
-    }
-
-    /// Lets a disc that has no path yet, the next one of those for which this is called, hold the place where it starts until a time:
-    /// others would come while it cannot be gone.
+    /// Lets a disc that has no path yet, the next one of those for which this is called, hold the place where it starts until a time.
     pub fn hold(&mut self, closeness: &Closeness, start: Vertex, until: f64) {
-        let disc = self.released.len() as u32;
+        let disc = self.released.len();
         self.released.push(false);
-        if until > 0.0 {
-            for (edge, near) in closeness.edges_of_vertex(start) {
-                self.held[*edge as usize].push((disc, until - near.low));
-            }
-        }
+        self.held.hold(closeness, disc, (start, until));
     }
 
     /// Gives up what a disc holds, which is about to get its path.
@@ -70,53 +115,7 @@ impl Reservations {
 
     /// Takes what a path needs until a time, after which it may be in anybody's way.
     pub fn reserve(&mut self, closeness: &Closeness, path: &[Visit], until: f64) {
-        for visit in path.iter().take_while(|visit| visit.arrival < until) {
-            self.reserve_stay(closeness, visit, until);
-            if visit.onward != NONE && visit.departure < until {
-                self.reserve_edge(closeness, visit.onward, visit.departure);
-            }
-        }
-    }
-
-    fn reserve_stay(&mut self, closeness: &Closeness, visit: &Visit, until: f64) {
-        let (from, to) = (visit.arrival, visit.departure.min(until));
-        for vertex in closeness.vertices_of_vertex(visit.vertex) {
-            let stay = Span {
-                low: from,
-                high: to,
-            };
-            self.take_vertex(*vertex, stay);
-        }
-        for (edge, near) in closeness.edges_of_vertex(visit.vertex) {
-            // Who sets out later is near after the stay, and who sets out earlier was near before.
-            let (low, high) = (from - near.high, to - near.low);
-            self.take_edge(*edge, Span { low, high });
-        }
-    }
-
-    fn reserve_edge(&mut self, closeness: &Closeness, edge: Edge, departure: f64) {
-        for (vertex, near) in closeness.vertices_of_edge(edge) {
-            self.take_vertex(vertex, near.after(departure));
-        }
-        for (other, later) in closeness.edges_of_edge(edge) {
-            self.take_edge(other, later.after(departure));
-        }
-    }
-
-    fn take_vertex(&mut self, vertex: Vertex, span: Span) {
-        let spans = &mut self.vertices[vertex as usize];
-        if spans.as_slice().is_empty() {
-            self.used_vertices.push(vertex);
-        }
-        spans.insert(span);
-    }
-
-    fn take_edge(&mut self, edge: Edge, span: Span) {
-        let spans = &mut self.edges[edge as usize];
-        if spans.as_slice().is_empty() {
-            self.used_edges.push(edge);
-        }
-        spans.insert(span);
+        tell(closeness, path, until, self);
     }
 
     /// Gives all paths back; discs hold again what they held.
@@ -128,5 +127,35 @@ impl Reservations {
         for edge in self.used_edges.drain(..) {
             self.edges[edge as usize].clear();
         }
+    }
+}
+
+impl Listener for Reservations {
+    fn vertex(&mut self, vertex: Vertex, span: Span) {
+        let spans = &mut self.vertices[vertex as usize];
+        if spans.as_slice().is_empty() {
+            self.used_vertices.push(vertex);
+        }
+        spans.insert(span);
+    }
+
+    fn edge(&mut self, edge: Edge, span: Span) {
+        let spans = &mut self.edges[edge as usize];
+        if spans.as_slice().is_empty() {
+            self.used_edges.push(edge);
+        }
+        spans.insert(span);
+    }
+}
+
+impl Taken for Reservations {
+    fn vertex(&self, vertex: Vertex) -> &Spans {
+        &self.vertices[vertex as usize]
+    }
+
+    fn first_free(&self, edge: Edge, time: f64) -> f64 {
+        let counts = |disc: u32| !self.released[disc as usize];
+        let time = self.held.first_free(edge, time, counts);
+        self.edges[edge as usize].first_outside(time)
     }
 }

@@ -7,13 +7,23 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use fleetyard_plugin_plane::spans::Spans;
+
 use crate::plan::{Path, Visit};
-use crate::reservation::Reservations;
 use crate::rest::Rest;
 use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 
 /// Expansions between two calls of `stop`.
 const PATIENCE: u64 = 256;
+
+/// The times that others take from a disc.
+pub trait Taken {
+    /// Times at which a vertex is taken.
+    fn vertex(&self, vertex: Vertex) -> &Spans;
+
+    /// The first time from `time` on at which the disc may set out on an edge.
+    fn first_free(&self, edge: Edge, time: f64) -> f64;
+}
 
 /// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +50,12 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// Lower bound of the seconds that the disc needs, were it alone; infinite where no way leads to its goals.
+    pub fn alone(&self, roadmap: &Roadmap) -> f64 {
+        let met = self.rest.met(0, self.start);
+        self.rest.from(roadmap, met, self.start, |_| 0.0)
+    }
+
     /// Seconds in which a disc that has to turn first has neither turned to where its way leads nor come to the next vertex; none
     /// for one that may set out at once.
     pub fn least_stay(&self, roadmap: &Roadmap) -> f64 {
@@ -121,6 +137,8 @@ pub struct Search {
     touched: Vec<Vertex>,
     /// Edges of a drive, and the seconds after which each is entered.
     drive: Vec<(Edge, f64)>,
+    /// Seconds beyond which an arrival is of no use; infinite at first.
+    pub most: f64,
     /// States that were expanded, in all searches.
     pub expanded: u64,
 }
@@ -133,6 +151,7 @@ impl Search {
             best: vec![Vec::new(); roadmap.vertices()],
             touched: Vec::new(),
             drive: Vec::new(),
+            most: f64::INFINITY,
             expanded: 0,
         }
     }
@@ -142,7 +161,7 @@ impl Search {
     pub fn find(
         &mut self,
         roadmap: &Roadmap,
-        taken: &Reservations,
+        taken: &impl Taken,
         task: &Task<'_>,
         stop: &mut dyn FnMut() -> bool,
     ) -> Found {
@@ -210,7 +229,7 @@ impl Search {
     fn drive_on(
         &mut self,
         roadmap: &Roadmap,
-        taken: &Reservations,
+        taken: &impl Taken,
         task: &Task<'_>,
         (node, line, ready): (u32, Edge, f64),
         open: &mut BinaryHeap<Entry>,
@@ -280,7 +299,7 @@ impl Search {
     /// Keeps a state if it is reached for the first time, or earlier than before; `rest` is a lower bound of the seconds from
     /// there.
     fn reach(&mut self, reached: Node, rest: f64, open: &mut BinaryHeap<Entry>) {
-        if rest.is_infinite() {
+        if rest.is_infinite() || reached.arrival + rest > self.most {
             return;
         }
         let best = &mut self.best[reached.vertex as usize];
@@ -345,7 +364,7 @@ impl Search {
 }
 
 /// The first time from `time` on at which nobody is in the way of a drive; infinite if there is none.
-fn free_from(taken: &Reservations, drive: &[(Edge, f64)], mut time: f64) -> f64 {
+fn free_from(taken: &impl Taken, drive: &[(Edge, f64)], mut time: f64) -> f64 {
     loop {
         let before = time;
         for (edge, after) in drive {

@@ -23,6 +23,7 @@
 //! - [`constraints::Constraints`]: what an agent may not do;
 //! - [`astar::Astar`]: the low level of constraint-tree searches;
 //! - [`known::Known`]: the states that a search has met;
+//! - [`order`]: partial orders of agents;
 //! - [`plan`]: paths, configurations, plans;
 //! - [`plugin`]: what planners say alike behind the plugin contract.
 #![forbid(unsafe_code)]
@@ -38,6 +39,7 @@ pub mod known;
 pub mod labels;
 pub mod lanes;
 pub mod neighborhood;
+pub mod order;
 pub mod plan;
 pub mod plugin;
 pub mod pose;

@@ -5,8 +5,8 @@
 
 use fleetyard_abi::sdk::{Annotations, Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Environment, GridEnvironment, GridPlan, Instance,
-    Kind, SharedEnvironment, Status, monotonic_ns,
+    Budget, Capabilities, Capability, Descriptor, Environment, GridEnvironment, Instance, Kind,
+    PlanRef, SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -155,7 +155,7 @@ impl<'a> Call<'a> {
     }
 
     /// Submits a plan. One that comes too late is no fault.
-    pub fn submit(&self, plan: &GridPlan) {
+    pub fn submit<'p>(&self, plan: impl Into<PlanRef<'p>>) {
         let _ = self.sink.submit(plan);
     }
 

@@ -3,8 +3,9 @@
 
 use fleetyard_abi::{Goals, GridEnvironment, Heading, Instance, Motion};
 use fleetyard_plugin_priority::prioritized;
-use fleetyard_plugin_priority::search::{self, Prefer};
+use fleetyard_plugin_priority::search;
 use fleetyard_plugin_priority::{Control, Outcome};
+use fleetyard_plugin_spacetime::order::Prefer;
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use fleetyard_plugin_spacetime::random::Random;
 use fleetyard_testkit::{Case, grid};

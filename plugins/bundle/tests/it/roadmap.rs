@@ -3,11 +3,11 @@
 // Ends of intervals are copied, not worked out anew.
 #![allow(clippy::float_cmp)]
 
+mod ctc;
 mod support;
 
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
-use std::path::Path as File;
 
 use fleetyard_abi::{Footprint, Robot};
 use fleetyard_plugin_plane::Vector;
@@ -22,7 +22,7 @@ use fleetyard_plugin_roadmap::rest::{Known, Rest};
 use fleetyard_plugin_roadmap::roadmap::{NONE, Refused, Roadmap, Vertex};
 use fleetyard_plugin_roadmap::sipp::{Found, Search, Task};
 use proptest::prelude::*;
-use support::{Case, apart, least_distance, planned};
+use support::{Case, apart, least_distance, planned, shared};
 
 const SEPARATION: f64 = 0.6;
 
@@ -503,17 +503,10 @@ fn who_finds_no_path_goes_first_in_the_next_order() {
 /// Problems of the shared data, where they are at hand: rooms with doors, sixty discs.
 #[test]
 fn sixty_discs_pass_the_doors_of_rooms() {
-    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
-        eprintln!("skipped: FLEETYARD_DATA is not set");
-        return;
-    };
     for number in 1..=3 {
-        let name = format!("continuous/roadmap-tasks/rooms-32-sparse-{number}.tasks.json");
-        let file = File::new(&data).join(name);
-        if !file.exists() {
-            eprintln!("skipped: {} is not there", file.display());
+        let Some(file) = shared(&format!("rooms-32-sparse-{number}")) else {
             return;
-        }
+        };
         let case = Case::read(&file, 60).unwrap();
         let closeness = Closeness::new(case.roadmap.clone());
         let outcome = planned(&closeness, &case.tasks, 100, 1);

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 use std::fs;
-use std::path::Path as File;
+use std::path::{Path as File, PathBuf};
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_roadmap::closeness::Closeness;
@@ -69,6 +69,20 @@ impl Case {
     }
 }
 
+/// A file of tasks of the shared data, where that is at hand.
+pub(crate) fn shared(name: &str) -> Option<PathBuf> {
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return None;
+    };
+    let file = File::new(&data).join(format!("continuous/roadmap-tasks/{name}.tasks.json"));
+    if !file.exists() {
+        eprintln!("skipped: {} is not there", file.display());
+        return None;
+    }
+    Some(file)
+}
+
 /// Position of a disc at a time.
 pub(crate) fn position(roadmap: &Roadmap, path: &Path, time: f64) -> Vector {
     let at = path.partition_point(|visit| visit.arrival <= time).max(1) - 1;
@@ -116,6 +130,16 @@ pub(crate) fn least_distance(roadmap: &Roadmap, paths: &[Path]) -> f64 {
     apart.fold(f64::INFINITY, f64::min)
 }
 
+/// Discs with one goal each.
+pub(crate) fn discs(tasks: &[(Vertex, Vertex)]) -> Vec<Disc> {
+    let disc = |(start, goal): &(Vertex, Vertex)| Disc {
+        start: *start,
+        direction: None,
+        goals: vec![*goal],
+    };
+    tasks.iter().map(disc).collect()
+}
+
 /// Whole paths from starts to goals, with at most so many orders.
 pub(crate) fn planned(
     closeness: &Closeness,
@@ -123,12 +147,7 @@ pub(crate) fn planned(
     limit: u64,
     seed: u64,
 ) -> Outcome {
-    let disc = |(start, goal): &(Vertex, Vertex)| Disc {
-        start: *start,
-        direction: None,
-        goals: vec![*goal],
-    };
-    let discs: Vec<Disc> = tasks.iter().map(disc).collect();
+    let discs = discs(tasks);
     let team = (discs.as_slice(), f64::INFINITY);
     plan(
         closeness,
