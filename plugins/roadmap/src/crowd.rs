@@ -296,7 +296,7 @@ impl<'c> Crowd<'c> {
     }
 }
 
-/// What searches need of a crowd, for the vertices and edges that they come to. Belongs to one search at a time.
+/// The times that searches need of a crowd, for the vertices and edges that they come to. Belongs to one search at a time.
 #[derive(Debug)]
 pub struct Scratch {
     vertices: Vec<OnceCell<Spans>>,

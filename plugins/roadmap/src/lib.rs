@@ -14,13 +14,19 @@
 //! - [`crowd`]: the paths of a team, and whom each of them meets;
 //! - [`pbs`]: priorities only between discs that meet;
 //! - [`ctc`]: orders first, then priorities between two;
+//! - [`lacam`]: configurations one after the other, then the earliest times;
+//! - [`anytime`]: a first plan, then shorter ones;
+//! - [`lns`]: paths of a few discs planned anew at a time;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
+pub mod anytime;
 pub mod closeness;
 pub mod crowd;
 pub mod ctc;
 pub mod drive;
+pub mod lacam;
+pub mod lns;
 pub mod pbs;
 pub mod plan;
 pub mod plugin;

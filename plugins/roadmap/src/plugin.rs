@@ -47,7 +47,7 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
 pub struct Team<'a> {
     /// The roadmap, and what is close on it.
     pub closeness: &'a Closeness,
-    /// What is known of ways to goals.
+    /// Bounds of the ways to goals that are known.
     pub known: &'a mut Known,
     /// The discs.
     pub discs: Vec<Disc>,

@@ -399,7 +399,7 @@ impl Roadmap {
     }
 
     /// The edges that lead to a vertex.
-    fn entering(&self, vertex: Vertex) -> &[Edge] {
+    pub fn entering(&self, vertex: Vertex) -> &[Edge] {
         let from = self.entering_starts[vertex as usize] as usize;
         &self.entering[from..self.entering_starts[vertex as usize + 1] as usize]
     }
