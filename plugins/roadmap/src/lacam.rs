@@ -271,7 +271,9 @@ impl Lacam<'_> {
             }
             at = &self.nodes[at.parent as usize];
         }
-        steps.iter_mut().for_each(|list| list.reverse());
+        for list in &mut steps {
+            list.reverse();
+        }
         steps
     }
 }

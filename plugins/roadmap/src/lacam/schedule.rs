@@ -44,7 +44,9 @@ pub fn earliest(closeness: &Closeness, starts: &[Vertex], steps: &[Vec<Edge>]) -
             }
         }
         let mut queue: VecDeque<usize> = movers.iter().copied().collect();
-        movers.iter().for_each(|disc| waiting[*disc] = true);
+        for disc in &movers {
+            waiting[*disc] = true;
+        }
         while let Some(disc) = queue.pop_front() {
             waiting[disc] = false;
             for (second, later) in &after[disc] {
