@@ -164,7 +164,7 @@ fn vertices_nearer_than_two_radii_are_blocked_together() {
     on_roadmap(&vertices, &edges, false, &[[5, 2], [0, 4]], Answer::Plan);
 }
 
-/// Who starts in front has to leave first, to whatever is its goal.
+/// Discs that start in front have to leave first, to whatever is their goal.
 #[test]
 fn starts_that_block_each_other_are_left_in_turn() {
     let vertices = [

@@ -777,3 +777,35 @@ fn a_table_compares_the_views_of_a_task() {
         unknown.stdout
     );
 }
+
+/// A roadmap file is one view of its task, beside others.
+#[test]
+fn a_table_compares_planners_on_a_roadmap_that_is_given() {
+    let yard = side_by_side();
+    let roadmap = json!({"format": "fleetyard.roadmap/1", "directed": false,
+        "vertices": [[0.5, 0.5], [3.5, 0.5], [0.5, 3.5], [3.5, 3.5]], "edges": [[0, 1], [2, 3], [0, 2]]});
+    yard.write("lanes.roadmap.json", roadmap.to_string());
+    let compare = "compare --task hall.task.json --roadmap lanes.roadmap.json";
+    let line = format!("{compare} -p roadmap-pp -p plane-pp --format json");
+    let report = yard.line(&line).expect(SUCCESS).json();
+    let rows = report["rows"].as_array().unwrap().iter();
+    let rows: Vec<Value> = rows
+        .map(|row| {
+            json!([
+                row["view"],
+                row["planner"],
+                row["soc_s"],
+                row["valid_in_world"]
+            ])
+        })
+        .collect();
+    let wanted = json!([
+        ["continuous", "plane-pp", 6.0, true],
+        ["lanes.roadmap.json", "roadmap-pp", 6.0, true]
+    ]);
+    assert_eq!(Value::from(rows), wanted);
+    let off = json!({"format": "fleetyard.roadmap/1", "directed": false, "vertices": [[0.5, 0.5], [3, 0.5]], "edges": [[0, 1]]});
+    yard.write("lanes.roadmap.json", off.to_string());
+    let refused = yard.line(&format!("{compare} -p roadmap-pp")).expect(INPUT);
+    assert!(refused.stderr.contains("agent"), "{refused}");
+}

@@ -10,7 +10,7 @@ use fleetyard_core::{Connectivity, Digest, Words as _};
 use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
-    Standing, check_options, parse_option,
+    Standing, check_options, parse_option, plugin_name,
 };
 use fleetyard_views::Representation;
 use serde_json::{Map, Value};
@@ -71,8 +71,8 @@ impl Plugin {
         let Found {
             file, origin, id, ..
         } = found;
-        let name = match (&origin, file.path().and_then(|path| path.file_stem())) {
-            (Origin::Path, Some(stem)) => stem.to_string_lossy().into_owned(),
+        let name = match (&origin, file.path().and_then(plugin_name)) {
+            (Origin::Path, Some(name)) => name,
             _ => name.to_owned(),
         };
         let digest = file.digest()?;

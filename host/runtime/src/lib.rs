@@ -45,7 +45,7 @@ pub use folders::{Discovery, Origin};
 pub use interrupt::{interrupt_calls, interrupted_by, on_interrupt};
 pub use lock_file::{LOCK_FILE, Lock, Pinned, PinnedPlugin, Standing, Trust};
 pub use options::{OptionError, check_options, parse_option};
-pub use plugin_file::{Attach, PluginFile};
+pub use plugin_file::{Attach, PluginFile, plugin_name};
 pub use sessions::annotated::Annotated;
 pub use sessions::attachment::{Closing, Generated};
 pub use sessions::collector::Incumbent;

@@ -20,6 +20,21 @@ fn is_manifest(path: &Path) -> bool {
         .is_some_and(|before| before.is_empty() || before.ends_with('.'))
 }
 
+/// The name by which people know a plugin's file: its own without the end, and for a `planner.toml`
+/// that of its folder. None for a path without a name.
+pub fn plugin_name(path: &Path) -> Option<String> {
+    let named = if path.file_name()? == MANIFEST {
+        path.parent()?.file_name().unwrap_or(path.as_os_str())
+    } else {
+        path.file_stem()?
+    };
+    let name = named.to_string_lossy().into_owned();
+    Some(match name.strip_suffix(".planner") {
+        Some(name) if is_manifest(path) => name.to_owned(),
+        _ => name,
+    })
+}
+
 /// The way in which a plugin is attached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attach {

@@ -44,5 +44,5 @@ pub use task::{
     Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
     load_task, read_task, save_task, write_task,
 };
-pub use view::{VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
+pub use view::{Given, VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
 pub use world::{WorldView, grid_to_world};

@@ -156,7 +156,7 @@ impl ViewName {
 impl ViewSpec {
     /// All parameters of the view of a problem, with those that follow from it, by the names that the
     /// command line gives them: so much derives the view again and judges its plans alike.
-    pub fn parameters(self, problem: &Problem, terms: PlanTerms) -> Map<String, Value> {
+    pub fn parameters(&self, problem: &Problem, terms: PlanTerms) -> Map<String, Value> {
         let own = match self {
             Self::Grid(spec) => json!({
                 "connectivity": spec.connectivity.degree(),
@@ -171,10 +171,17 @@ impl ViewSpec {
                 all["pace"] = json!(terms.pace);
                 all
             }
+            Self::Given(given) => json!({
+                "roadmap": given.path,
+                "speed": common_speed(problem, given.speed_m_per_s).ok(),
+                "pace": terms.pace,
+            }),
             Self::Continuous => json!({}),
         };
         let mut all = Map::new();
-        all.insert("representation".into(), json!(self.representation()));
+        if !matches!(self, Self::Given(_)) {
+            all.insert("representation".into(), json!(self.representation()));
+        }
         if let Value::Object(own) = own {
             all.extend(own);
         }

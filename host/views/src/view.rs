@@ -1,30 +1,57 @@
 //! Views of a task, and the files by which they are derived again.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fleetyard_core::json::{self, read_object, with_hint};
-use fleetyard_core::{Connectivity, Digest, InputError, Separation, load_file};
+use fleetyard_core::{
+    Connectivity, Digest, InputError, Roadmap, Separation, load_file, load_roadmap,
+};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer};
 
 use crate::origin::{WORLD_TO_GRID, WORLD_TO_ROADMAP};
 use crate::{
     Builder, GridSpec, GridView, Problem, Representation, RoadmapSpec, RoadmapView, VIEW_FORMAT,
-    world_to_grid, world_to_roadmap,
+    given_roadmap, world_to_grid, world_to_roadmap,
 };
 
 /// Largest view file that is read, in bytes.
 pub const VIEW_FILE_LIMIT: u64 = 1 << 28;
 
 /// The operator that makes a view, with its parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum ViewSpec {
     /// A grid.
     Grid(GridSpec),
     /// A roadmap.
     Roadmap(RoadmapSpec),
+    /// A roadmap as it is.
+    Given(Given),
     /// The world itself.
     Continuous,
+}
+
+/// A roadmap that was read from a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// The file.
+    pub path: PathBuf,
+    /// Its content.
+    pub roadmap: Arc<Roadmap>,
+    /// The speed of all robots in metres per second, if it is not that of the slowest.
+    pub speed_m_per_s: Option<f64>,
+}
+
+impl Given {
+    /// Reads a roadmap file.
+    pub fn load(path: PathBuf, speed_m_per_s: Option<f64>) -> Result<Self, InputError> {
+        Ok(Self {
+            roadmap: Arc::new(load_roadmap(&path)?),
+            path,
+            speed_m_per_s,
+        })
+    }
 }
 
 /// A task as planners of one representation are given it.
@@ -40,19 +67,24 @@ pub enum View {
 
 impl ViewSpec {
     /// The kind of the view.
-    pub fn representation(self) -> Representation {
+    pub fn representation(&self) -> Representation {
         match self {
             Self::Grid(_) => Representation::Grid,
-            Self::Roadmap(_) => Representation::Roadmap,
+            Self::Roadmap(_) | Self::Given(_) => Representation::Roadmap,
             Self::Continuous => Representation::Continuous,
         }
     }
 
     /// Derives the view from a task.
-    pub fn derive(self, problem: &Problem) -> Result<View, InputError> {
+    pub fn derive(&self, problem: &Problem) -> Result<View, InputError> {
         Ok(match self {
-            Self::Grid(spec) => View::Grid(Box::new(world_to_grid(problem, spec)?)),
-            Self::Roadmap(spec) => View::Roadmap(Box::new(world_to_roadmap(problem, spec)?)),
+            Self::Grid(spec) => View::Grid(Box::new(world_to_grid(problem, *spec)?)),
+            Self::Roadmap(spec) => View::Roadmap(Box::new(world_to_roadmap(problem, *spec)?)),
+            Self::Given(given) => {
+                let roadmap = Roadmap::clone(&given.roadmap);
+                let view = given_roadmap(problem, roadmap, given.speed_m_per_s)?;
+                View::Roadmap(Box::new(view))
+            }
             Self::Continuous => View::Continuous,
         })
     }
@@ -107,8 +139,8 @@ impl ViewFile {
             )
         };
         let name = match self.spec {
-            ViewSpec::Roadmap(_) => "roadmap",
-            _ => "grid",
+            ViewSpec::Roadmap(_) | ViewSpec::Given(_) => "roadmap",
+            ViewSpec::Grid(_) | ViewSpec::Continuous => "grid",
         };
         if problem.digest() != self.problem_digest {
             return other(

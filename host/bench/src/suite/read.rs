@@ -7,7 +7,7 @@ use std::path::Path;
 use fleetyard_check::PathRule;
 use fleetyard_core::document::{self, Fault, Setting, Value, not_empty, text};
 use fleetyard_core::{Connectivity, InputError, shown};
-use fleetyard_runtime::Attach;
+use fleetyard_runtime::{Attach, plugin_name};
 use fleetyard_sim::SimConfig;
 use fleetyard_world::{MapSpec, MazeAlgorithm, MazeSeeds};
 use serde::{Deserialize, Deserializer};
@@ -243,14 +243,14 @@ fn planners(value: &Value<'_>, around: &Around<'_>) -> Result<Vec<PlannerSetup>,
     Ok(planners)
 }
 
-/// The plugin's identifier or the stem of its file, and its options.
+/// The plugin's identifier or the name of its file, and its options.
 fn default_label(plugin: &str, options: &Map<String, Json>) -> String {
     let (path, id) = match plugin.rsplit_once(':') {
         Some((path, id)) if !id.contains('/') => (path, Some(id)),
         _ => (plugin, None),
     };
-    let stem = Path::new(path).file_stem().and_then(|stem| stem.to_str());
-    said(id.or(stem).unwrap_or(plugin), options)
+    let name = plugin_name(Path::new(path));
+    said(id.or(name.as_deref()).unwrap_or(plugin), options)
 }
 
 /// The treatment of team sizes for which a scenario has too few agents.

@@ -54,7 +54,7 @@ impl SuiteView {
     pub(super) fn connectivity(&self) -> Option<Connectivity> {
         match self.spec {
             ViewSpec::Grid(spec) => Some(spec.connectivity),
-            ViewSpec::Roadmap(_) | ViewSpec::Continuous => None,
+            ViewSpec::Roadmap(_) | ViewSpec::Given(_) | ViewSpec::Continuous => None,
         }
     }
 
@@ -70,7 +70,7 @@ impl SuiteView {
         } = self;
         let bits = |number: Option<f64>| number.map(f64::to_bits);
         hasher.value(&(spec.representation(), separation, pace, bits(*step_s)));
-        match *spec {
+        match spec {
             ViewSpec::Grid(GridSpec {
                 connectivity,
                 separation,
@@ -80,7 +80,10 @@ impl SuiteView {
                 spacing_m,
                 seed,
                 speed_m_per_s,
-            }) => hasher.value(&(builder, bits(spacing_m), seed, bits(speed_m_per_s))),
+            }) => hasher.value(&(builder, bits(*spacing_m), seed, bits(*speed_m_per_s))),
+            ViewSpec::Given(given) => {
+                hasher.value(&(given.roadmap.digest(), bits(given.speed_m_per_s)));
+            }
             ViewSpec::Continuous => {}
         }
     }
@@ -199,7 +202,7 @@ fn view(value: &Value<'_>) -> Result<SuiteView, InputError> {
     }
     let label = named.unwrap_or_else(|| said(representation.name(), &parameters));
     Ok(SuiteView {
-        separation: match spec {
+        separation: match &spec {
             ViewSpec::Grid(spec) => spec.separation,
             _ => Separation::default(),
         },

@@ -10,7 +10,7 @@ use fleetyard_bench::{Experiment, Record, Row, number};
 use fleetyard_check::Pace;
 use fleetyard_core::Words as _;
 use fleetyard_core::document::Place;
-use fleetyard_views::{Problem, Representation, ViewName, load_problem};
+use fleetyard_views::{Given, Problem, Representation, ViewName, ViewSpec, load_problem};
 use serde::Serialize;
 
 use super::compare::{Compare, named_by_the_user, trials};
@@ -30,10 +30,14 @@ pub(super) struct TaskViews {
     #[arg(long, help_heading = INSTANCE, value_name = "FILE", group = "cells",
           conflicts_with_all = ["map", "scen", "agents", "path_rule", "cell_size", "radius"])]
     pub(super) task: Option<PathBuf>,
-    /// Views of the task; each planner is asked for those that it claims
+    /// Views of the task; each planner is asked for those that it claims [default: all; beside
+    /// --roadmap grid and continuous]
     #[arg(long, help_heading = VIEW, value_name = "VIEW,…", value_delimiter = ',', value_parser = word::<ViewName>(),
-          requires = "task", default_values_t = ViewName::ALL.iter().copied())]
+          requires = "task")]
     views: Vec<ViewName>,
+    /// Roadmap file that is a view, too: starts and goals are at its vertices
+    #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task")]
+    roadmap: Option<PathBuf>,
     #[command(flatten)]
     pub(super) grid: GridSpecArgs,
     /// Seed of drawn roadmaps; the task's if it is not given
@@ -45,16 +49,37 @@ pub(super) struct TaskViews {
 }
 
 impl TaskViews {
-    /// A view by its word; `step_s` is the duration of a step on a grid, if one is given.
-    fn view(&self, name: ViewName, step_s: Option<f64>) -> SuiteView {
-        SuiteView {
-            label: name.to_string(),
-            spec: name.spec(self.grid.spec(), self.roadmap_seed),
+    /// All views that are asked for; `step_s` is the duration of a step on a grid, if one is given.
+    fn all(&self, step_s: Option<f64>) -> Result<Vec<SuiteView>> {
+        let view = |label: String, spec: ViewSpec, argument: &str| SuiteView {
+            label,
+            spec,
             separation: self.grid.separation,
             pace: self.pace,
             step_s,
-            place: Place::outside("--views"),
+            place: Place::outside(argument),
+        };
+        let otherwise: &[ViewName] = match self.roadmap {
+            None => ViewName::ALL,
+            Some(_) => &[ViewName::Grid, ViewName::Continuous],
+        };
+        let names = if self.views.is_empty() {
+            otherwise
+        } else {
+            &self.views
+        };
+        let mut all: Vec<SuiteView> = names
+            .iter()
+            .map(|name| {
+                let spec = name.spec(self.grid.spec(), self.roadmap_seed);
+                view(name.to_string(), spec, "--views")
+            })
+            .collect();
+        if let Some(path) = &self.roadmap {
+            let given = Given::load(path.clone(), None)?;
+            all.push(view(file_name(path), ViewSpec::Given(given), "--roadmap"));
         }
+        Ok(all)
     }
 }
 
@@ -123,9 +148,7 @@ pub(super) fn compare(arguments: &Compare, task: &Path) -> Result<Exit> {
         .iter()
         .map(|planner| claimed(&host, planner))
         .collect::<Result<_>>()?;
-    let views = &arguments.views;
-    let named = views.views.iter();
-    let named = named.map(|name| views.view(*name, arguments.world.step));
+    let named = arguments.views.all(arguments.world.step)?.into_iter();
     // Nobody has to claim all of them.
     let some = |view: &SuiteView| {
         let representation = view.spec.representation();

@@ -12,11 +12,10 @@ use fleetyard_core::formats::{
 };
 use fleetyard_core::{
     Digest, InputError, MotionFile, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile,
-    load_roadmap,
 };
 use fleetyard_views::{
-    GridTerms, GridView, Judged, PlanTerms, Problem, Representation, RoadmapView, StepCosts, View,
-    ViewFile, ViewSpec, ViewVerdict, given_roadmap, load_problem, load_view,
+    Given, GridTerms, GridView, Judged, PlanTerms, Problem, Representation, RoadmapView, StepCosts,
+    View, ViewFile, ViewSpec, ViewVerdict, load_problem, load_view,
 };
 use serde::Serialize;
 
@@ -70,7 +69,10 @@ impl ViewArgs {
     pub(super) fn choose(&self, otherwise: Representation) -> Result<Chosen> {
         Ok(match (&self.view, &self.roadmap) {
             (Some(path), _) => Chosen::File(load_view(path)?),
-            (None, Some(path)) => Chosen::Roadmap(load_roadmap(path)?, self.made.speed()),
+            (None, Some(path)) => {
+                let given = Given::load(path.clone(), self.made.speed())?;
+                Chosen::Spec(ViewSpec::Given(given))
+            }
             (None, None) => Chosen::Spec(self.spec(self.representation.unwrap_or(otherwise))),
         })
     }
@@ -106,8 +108,6 @@ pub(super) fn claimed(host: &Host, planner: &Plugin) -> Result<Vec<Representatio
 pub(super) enum Chosen {
     /// By its file.
     File(ViewFile),
-    /// By a roadmap and the speed on it.
-    Roadmap(Roadmap, Option<f64>),
     /// By parameters.
     Spec(ViewSpec),
 }
@@ -116,7 +116,6 @@ impl Chosen {
     pub(super) fn representation(&self) -> Representation {
         match self {
             Self::File(file) => file.spec.representation(),
-            Self::Roadmap(..) => Representation::Roadmap,
             Self::Spec(spec) => spec.representation(),
         }
     }
@@ -125,7 +124,7 @@ impl Chosen {
     pub(super) fn argument(&self) -> &'static str {
         match self {
             Self::File(_) => "--view",
-            Self::Roadmap(..) => "--roadmap",
+            Self::Spec(ViewSpec::Given(_)) => "--roadmap",
             Self::Spec(_) => "--representation",
         }
     }
@@ -133,10 +132,6 @@ impl Chosen {
     pub(super) fn derive(&self, problem: &Problem) -> Result<View> {
         Ok(match self {
             Self::File(file) => file.derive(problem)?,
-            Self::Roadmap(roadmap, speed_m_per_s) => {
-                let view = given_roadmap(problem, roadmap.clone(), *speed_m_per_s)?;
-                View::Roadmap(Box::new(view))
-            }
             Self::Spec(spec) => spec.derive(problem)?,
         })
     }
