@@ -290,11 +290,14 @@ fn discs_pass_narrow_doors_and_touch_what_they_may() {
     let one = [[3.0, 3.0], [17.0, 3.0]];
     in_plane(&door, &[one], Answer::Plan);
     in_plane(&door, &[one, [[17.0, 17.0], [3.0, 17.0]]], Answer::Searched);
-    in_plane(
-        &json!([]),
-        &[[[3.0, 3.0], [17.0, 3.0]], [[4.0, 3.0], [17.0, 4.0]]],
-        Answer::Plan,
-    );
+    // Two discs with a millimetre between them, and two that touch.
+    for (apart, answer) in [(1.001, Answer::Plan), (1.0, Answer::Searched)] {
+        let ends = [
+            [[3.0, 3.0], [17.0, 3.0]],
+            [[3.0 + apart, 3.0], [17.0, 3.0 + apart]],
+        ];
+        in_plane(&json!([]), &ends, answer);
+    }
 }
 
 /// Obstacles that overlap are one, and a pocket without a way out has no plan.
