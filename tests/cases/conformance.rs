@@ -168,6 +168,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("roadmap-pp", IN_HOST),
     ("ctc", IN_WORKER),
     ("ctc", IN_HOST),
+    ("ccbs", IN_WORKER),
+    ("eccbs", IN_HOST),
     ("plane-pp", IN_WORKER),
     ("plane-pp", IN_HOST),
 ];

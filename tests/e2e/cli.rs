@@ -461,6 +461,8 @@ fn plugins_are_listed_and_described() {
             "ecbs",
             "roadmap-pp",
             "ctc",
+            "ccbs",
+            "eccbs",
             "plane-pp",
             "empty",
             "astar",

@@ -7,7 +7,7 @@ use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
-use fleetyard_plugin_roadmap::plugin::{Ctc, RoadmapPrioritised};
+use fleetyard_plugin_roadmap::plugin::{Ccbs, Ctc, Eccbs, RoadmapPrioritised};
 use fleetyard_plugin_search::plugin as search;
 
 mod empty;
@@ -26,6 +26,8 @@ fleetyard_abi::export! {
         BoundedSearch,
         RoadmapPrioritised,
         Ctc,
+        Ccbs,
+        Eccbs,
         PlanePrioritised,
         empty::Empty,
         search::Astar,

@@ -113,6 +113,11 @@ impl Closeness {
         &self.roadmap
     }
 
+    /// Centres that are closer than this, in metres, are too close.
+    pub fn distance(&self) -> f64 {
+        self.distance
+    }
+
     /// Works out all pairs of edges, each once.
     pub fn annotate(&self) {
         let tracks = self.edge_of_track.len() as u32;

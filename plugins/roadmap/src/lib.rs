@@ -17,11 +17,13 @@
 //! - [`lacam`]: configurations one after the other, then the earliest times;
 //! - [`anytime`]: a first plan, then shorter ones;
 //! - [`lns`]: paths of a few discs planned anew at a time;
+//! - [`conflict`]: conflict-based search, optimal or within a factor;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod anytime;
 pub mod closeness;
+pub mod conflict;
 pub mod crowd;
 pub mod ctc;
 pub mod drive;

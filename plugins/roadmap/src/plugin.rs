@@ -3,9 +3,11 @@
 //! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`OnRoadmap`] makes the plugin
 //! of it.
 
+mod conflict;
 mod ctc;
 mod pp;
 
+pub use conflict::{BoundedOptions, Ccbs, Eccbs, OptimalOptions};
 pub use ctc::{Ctc, Options as CtcOptions};
 pub use pp::{Options as PrioritisedOptions, RoadmapPrioritised};
 
@@ -37,6 +39,11 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     /// Capabilities besides [`Capability::Roadmap`], [`Capability::StopGo`], [`Capability::Heterogeneous`] and
     /// [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
+
+    /// The reason why the options are refused, beyond what their schema says.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 
     /// Plans for a team, and submits plans to the call.
     fn solve(&self, team: Team<'_>, call: &Call<'_>) -> Result<(), Failure>;
@@ -72,7 +79,7 @@ impl<M: Method> Plugin for OnRoadmap<M> {
     }
 
     fn create(options: Options<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
+        parse(options, M::check).map(Self)
     }
 }
 
