@@ -172,6 +172,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("eccbs", IN_HOST),
     ("plane-pp", IN_WORKER),
     ("plane-pp", IN_HOST),
+    ("tangent", IN_WORKER),
+    ("tangent", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

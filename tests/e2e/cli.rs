@@ -464,6 +464,7 @@ fn plugins_are_listed_and_described() {
             "ccbs",
             "eccbs",
             "plane-pp",
+            "tangent",
             "empty",
             "astar",
             "dijkstra",

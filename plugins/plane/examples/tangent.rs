@@ -18,8 +18,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut tangents = Tangents::new(&obstacles);
     let way = tangents.shortest(disc.start, disc.goal, &mut || false);
     let seconds = begin.elapsed().as_secs_f64();
-    let (corners, tested) = (obstacles.corners().count(), tangents.tested);
+    let corners = obstacles.corners().count();
+    let (offered, tested, expanded) = (tangents.offered, tangents.tested, tangents.expanded);
     let length = way.map_or("no way".into(), |way| format!("{:.4} m", way.length));
-    println!("{length}, {corners} corners, {tested} tests, {seconds:.5} s");
+    println!(
+        "{length}, {corners} corners, {expanded} places, {offered} tangents, {tested} tests, {seconds:.5} s"
+    );
     Ok(())
 }

@@ -1,19 +1,20 @@
 //! The planner behind the plugin contract: id `plane-pp`.
 
-use fleetyard_abi::sdk::{Annotations, Failure, Options, Planner, Plugin, Sink};
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
-    Annotation, Budget, Capability, Descriptor, Environment, Instance, Kind, Knot, KnotPlan, Robot,
-    SharedEnvironment, State, Status, WorkspaceEnvironment,
+    Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
 };
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Vector;
-use crate::bins::Rectangle;
 use crate::orders::End;
-use crate::prioritised::{Disc, Effort, Mover, Outcome, World, plan};
-use crate::timing::Stop;
+use crate::prioritised::{Disc, Effort, Outcome, World, plan};
+
+mod robots;
+pub mod shortest;
+
+use robots::{agents, no_way, show, world};
 
 /// The dynamics of robots that may set out, turn and stop in no time.
 pub const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
@@ -111,10 +112,7 @@ impl Planner for PlanePrioritised {
         _: &Budget,
         _: &dyn Sink,
     ) -> Result<World, Failure> {
-        let no_plane = || Failure::new(Status::Unsupported, "this planner knows the plane only");
-        Ok(world(
-            Environment::workspace(environment).ok_or_else(no_plane)?,
-        ))
+        world(environment)
     }
 
     fn plan(
@@ -125,9 +123,7 @@ impl Planner for PlanePrioritised {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let call = Call::new(budget, sink);
-        let agents: Vec<Agent> = (0..instance.agents())
-            .map(|agent| Agent::new(instance, agent))
-            .collect::<Result<_, _>>()?;
+        let agents = agents(instance)?;
         let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
         let orders = OrderOptions {
             orders: self.0.orders,
@@ -150,186 +146,8 @@ impl Planner for PlanePrioritised {
                 let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
                 Ok(sink.submit(&knots)?)
             }
-            Outcome::NoWay(agent) => {
-                let robot = instance.robot(agent);
-                let is_disc = robot.is_some_and(|robot| robot.footprint.corners_m.is_empty());
-                // Nearly at its goal it may have arrived, and lengthwise a body may pass where its
-                // disc does not.
-                let status = if is_disc && instance.goal_tolerance_m == 0.0 {
-                    Status::Infeasible
-                } else {
-                    Status::GaveUp
-                };
-                let reason = format!("no way leads agent {agent} to its goal, not even alone");
-                Err(Failure::new(status, reason))
-            }
+            Outcome::NoWay(agent) => Err(no_way(instance, agent)),
             Outcome::Stopped => Err(unsolved(true, 0)),
         }
     }
-}
-
-/// Hands over ways and waits, in layers of these names.
-fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
-    let about = |agent: usize, annotation: Annotation| Annotation {
-        agent: Some(agent as u32),
-        ..annotation
-    };
-    for (agent, stops) in stops.iter().enumerate() {
-        let way = stops.iter().map(|stop| [stop.at.x, stop.at.y]);
-        let mut shown = vec![about(agent, Annotation::lines("ways", [way]))];
-        let waits = stops
-            .iter()
-            .filter(|stop| stop.departure.is_finite() && stop.departure > stop.arrival);
-        shown.extend(waits.map(|stop| {
-            let wait_s = stop.departure - stop.arrival;
-            let wait = Annotation {
-                from_s: stop.arrival,
-                to_s: Some(stop.departure),
-                text: format!("waits for {wait_s:.2} s"),
-                values: vec![wait_s],
-                ..Annotation::points("waits", [[stop.at.x, stop.at.y]])
-            };
-            about(agent, wait)
-        }));
-        for annotation in shown {
-            // What is not kept the host counts.
-            let _ = to.annotate(&annotation);
-        }
-    }
-}
-
-/// Movers as the discs that enclose them.
-fn world(workspace: &WorkspaceEnvironment) -> World {
-    let vector = |[x, y]: [f64; 2]| Vector::new(x, y);
-    let movers = workspace.movers.iter().map(|mover| {
-        let last = mover.knots.len() - 1;
-        let stops = mover.knots.iter().enumerate();
-        let stops = stops.map(|(number, [time, x, y, _])| Stop {
-            at: Vector::new(*x, *y),
-            // It rests before its first knot and after its last.
-            arrival: if number == 0 { 0.0 } else { *time },
-            departure: if number == last { f64::INFINITY } else { *time },
-        });
-        Mover {
-            radius: mover.footprint.radius_m,
-            stops: stops.collect(),
-        }
-    });
-    World {
-        polygons: workspace
-            .obstacles
-            .iter()
-            .map(|corners| corners.iter().copied().map(vector).collect())
-            .collect(),
-        bounds: Rectangle {
-            min: vector(workspace.min_m),
-            max: vector(workspace.max_m),
-        },
-        movers: movers.collect(),
-    }
-}
-
-/// A robot as the disc that encloses it, and its headings.
-struct Agent {
-    disc: Disc,
-    /// The heading at the start, and the turn to that at the goal, if it has headings.
-    turn: Option<Turn>,
-}
-
-/// A turn at the goal.
-struct Turn {
-    from_rad: f64,
-    by_rad: f64,
-    seconds: f64,
-}
-
-/// Speed of robots without a limit, in metres per second.
-const UNLIMITED: f64 = 1.0;
-
-impl Agent {
-    fn new(instance: &Instance, number: usize) -> Result<Self, Failure> {
-        let invalid = |reason: String| Failure::new(Status::InvalidInput, reason);
-        let lacking = || invalid(format!("agent {number} has no robot, start or goal"));
-        let robot = instance.robot(number).ok_or_else(lacking)?;
-        let State(start) = instance.start_states.get(number).ok_or_else(lacking)?;
-        let goals = instance.goal_states.get(number).ok_or_else(lacking)?;
-        let State(goal) = goals.last().ok_or_else(lacking)?;
-        let place = |state: &[f64]| match state {
-            [x, y, ..] if x.is_finite() && y.is_finite() => Ok(Vector::new(*x, *y)),
-            _ => Err(invalid(format!(
-                "agent {number} has a state without a place"
-            ))),
-        };
-        let heading = |state: &[f64]| state.get(2).copied().filter(|_| robot.has_heading);
-        let turn = heading(start).map(|from_rad| {
-            let to_rad = heading(goal).filter(|heading| heading.is_finite());
-            let by_rad = to_rad.map_or(0.0, |to_rad| shortest_turn(to_rad - from_rad));
-            let rate = limit(robot, 2).unwrap_or(UNLIMITED);
-            Turn {
-                from_rad,
-                by_rad,
-                seconds: by_rad.abs() / rate,
-            }
-        });
-        Ok(Self {
-            disc: Disc {
-                radius: robot.footprint.radius_m,
-                speed: speed(robot),
-                start: place(start)?,
-                goal: place(goal)?,
-            },
-            turn,
-        })
-    }
-
-    fn knots(&self, stops: &[Stop]) -> Vec<Knot> {
-        let mut knots = Vec::with_capacity(2 * stops.len());
-        let from_rad = self.turn.as_ref().map_or(f64::NAN, |turn| turn.from_rad);
-        let mut push = |time_s: f64, at: Vector, heading_rad: f64| {
-            knots.push(Knot {
-                time_s,
-                x_m: at.x,
-                y_m: at.y,
-                heading_rad,
-            });
-        };
-        for stop in stops {
-            push(stop.arrival, stop.at, from_rad);
-            if stop.departure.is_finite() && stop.departure > stop.arrival {
-                push(stop.departure, stop.at, from_rad);
-            }
-        }
-        if let (Some(turn), Some(last)) = (&self.turn, stops.last())
-            && turn.by_rad != 0.0
-        {
-            push(
-                last.arrival + turn.seconds,
-                last.at,
-                turn.from_rad + turn.by_rad,
-            );
-        }
-        knots
-    }
-}
-
-/// The same turn within half a round.
-fn shortest_turn(by_rad: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    let turn = by_rad - TAU * libm::floor((by_rad + PI) / TAU);
-    if turn > PI { turn - TAU } else { turn }
-}
-
-/// The limit of a control in either direction, if it has one.
-fn limit(robot: &Robot, control: usize) -> Option<f64> {
-    let [least, most] = *robot.control_limits.get(control)?;
-    let either = [least.map(|least| -least), most];
-    let least = either.into_iter().flatten().min_by(f64::total_cmp)?;
-    (least > 0.0).then_some(least)
-}
-
-/// The speed that a robot may have in any direction.
-fn speed(robot: &Robot) -> f64 {
-    let axes = [limit(robot, 0), limit(robot, 1)];
-    let least = axes.into_iter().flatten().min_by(f64::total_cmp);
-    least.unwrap_or(UNLIMITED)
 }

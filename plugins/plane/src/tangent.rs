@@ -100,6 +100,11 @@ pub struct Tangents<'a> {
     obstacles: &'a Obstacles,
     corners: Vec<Corner>,
     radius: f64,
+    step: f64,
+    /// Places from which tangents were offered, in all searches.
+    pub expanded: u64,
+    /// Tangents that were offered, in all searches.
+    pub offered: u64,
     /// Tangents that were tested against the obstacles, in all searches.
     pub tested: u64,
 }
@@ -107,10 +112,18 @@ pub struct Tangents<'a> {
 impl<'a> Tangents<'a> {
     /// Among these obstacles, for the disc that they know.
     pub fn new(obstacles: &'a Obstacles) -> Self {
+        Self::with_step(obstacles, STEP)
+    }
+
+    /// The same with arcs of corners that turn by at most `step`, in radians.
+    pub fn with_step(obstacles: &'a Obstacles, step: f64) -> Self {
         Self {
             corners: obstacles.corners().collect(),
             radius: obstacles.radius() + CLEARANCE,
             obstacles,
+            step,
+            expanded: 0,
+            offered: 0,
             tested: 0,
         }
     }
@@ -134,6 +147,7 @@ impl<'a> Tangents<'a> {
         let mut nodes: Vec<Node> = Vec::new();
         let mut closed: Vec<Vec<u32>> = vec![Vec::new(); 2 * self.corners.len()];
         let mut open = BinaryHeap::new();
+        let ends = [start, goal];
         let first = Node {
             place: Place::Start,
             normal: Vector::zeros(),
@@ -153,13 +167,12 @@ impl<'a> Tangents<'a> {
                     let turn = self.turned(node.place, known.normal, node.normal);
                     turn.is_some_and(|turn| {
                         known.length + turn * self.size(node.place) <= node.length
-                    })
+                    }) && self.clear(&self.arc(known, node.normal, ends))
                 };
                 if list.iter().any(reached) {
                     continue;
                 }
             }
-            let ends = [start, goal];
             if !nodes.is_empty() && !self.passes(&nodes[node.parent as usize], &node, ends) {
                 continue;
             }
@@ -181,7 +194,15 @@ impl<'a> Tangents<'a> {
     }
 
     /// Offers all tangents that leave a node.
-    fn expand(&self, from: &Node, number: u32, ends: [Vector; 2], open: &mut BinaryHeap<Entry>) {
+    fn expand(
+        &mut self,
+        from: &Node,
+        number: u32,
+        ends: [Vector; 2],
+        open: &mut BinaryHeap<Entry>,
+    ) {
+        self.expanded += 1;
+        let before = open.len();
         let mut offer = |to: Place| {
             if let Some(node) = self.tangent(from, number, to, ends) {
                 let at = self.centre(node.place, ends) + node.normal * self.size(node.place);
@@ -194,6 +215,7 @@ impl<'a> Tangents<'a> {
             offer(Place::Corner(corner, Round::Left));
             offer(Place::Corner(corner, Round::Right));
         }
+        self.offered += (open.len() - before) as u64;
     }
 
     /// The tangent from a node to a place, if both circles may be left and met there.
@@ -238,11 +260,14 @@ impl<'a> Tangents<'a> {
         self.tested += 1;
         let mut places = self.arc(from, to.left, ends);
         places.push(self.centre(to.place, ends) + to.normal * self.size(to.place));
+        self.clear(&places)
+    }
+
+    /// Nothing is touched on straight lines between places.
+    fn clear(&self, places: &[Vector]) -> bool {
         // The last piece is most often what is blocked.
-        places
-            .windows(2)
-            .rev()
-            .all(|piece| self.obstacles.clear(piece[0], piece[1]))
+        let mut pieces = places.windows(2).rev();
+        pieces.all(|piece| self.obstacles.clear(piece[0], piece[1]))
     }
 
     /// Places along the circle of a node, from where it was met to where it is left.
@@ -252,7 +277,7 @@ impl<'a> Tangents<'a> {
             return vec![centre];
         };
         let turn = self.turned(node.place, node.normal, left).unwrap_or(0.0);
-        let pieces = (turn / STEP).ceil().max(1.0);
+        let pieces = (turn / self.step).ceil().max(1.0);
         let half = turn / pieces / 2.0;
         let reach = size / libm::cos(half);
         let mut places = vec![centre + node.normal * size];

@@ -1,0 +1,192 @@
+//! The planner of shortest paths behind the plugin contract: id `tangent`.
+
+use std::f64::consts::PI;
+
+use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
+use fleetyard_abi::{
+    Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
+};
+use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::SINGLE_INTEGRATOR;
+use super::robots::{agents, no_way, show, world};
+use crate::obstacles::Obstacles;
+use crate::prioritised::{Disc, World};
+use crate::tangent::{Tangents, Way};
+use crate::timing::Stop;
+
+/// Options of `tangent`.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Shortest {
+    /// Distance that the robot keeps from obstacles beyond touching, in metres, where there is room
+    /// for it: who drives in steps cuts corners a little.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    clearance_m: f64,
+}
+
+/// Longest turn of an arc that is driven as one corner, in radians: two degrees, which makes arcs longer by a ten-thousandth.
+const STEP: f64 = PI / 90.0;
+
+/// The shortest path of one disc among polygons.
+#[derive(Debug)]
+pub struct ShortestTangents(Shortest);
+
+impl Plugin for ShortestTangents {
+    fn descriptor() -> Descriptor {
+        let about = "Plans one robot in the plane, as a disc: the shortest path among polygons, which is made of \
+            tangents of circles round corners and arcs between them (Liu, Arimoto, IJRR 1992). Tangents are \
+            made and tested as they are needed. Complete and optimal for discs; teams are for si-tangent.";
+        let names = ("tangent", "Tangent graph");
+        let capabilities = [
+            Capability::Continuous,
+            Capability::Dynamics,
+            Capability::Deterministic,
+        ];
+        Descriptor {
+            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
+            ..described::<Shortest>(Kind::Planner, names, about, [&capabilities, &[]])
+        }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        parse(options, |_| Ok(())).map(Self)
+    }
+}
+
+impl Planner for ShortestTangents {
+    type Map = World;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<World, Failure> {
+        world(environment)
+    }
+
+    fn plan(
+        &mut self,
+        world: &mut World,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let call = Call::new(budget, sink);
+        let agents = agents(instance)?;
+        let unsupported = |reason: String| Failure::new(Status::Unsupported, reason);
+        let [agent] = agents.as_slice() else {
+            return Err(unsupported(format!(
+                "this planner plans for one agent, the instance has {}; hint: si-tangent plans for teams",
+                agents.len()
+            )));
+        };
+        if !world.movers.is_empty() {
+            return Err(unsupported(format!(
+                "this planner knows obstacles at rest only, the world has {} movers; hint: si-tangent keeps clear of them",
+                world.movers.len()
+            )));
+        }
+        let mut search = Search {
+            world,
+            disc: agent.disc,
+            call: &call,
+            expanded: 0,
+            offered: 0,
+            tested: 0,
+        };
+        let clearance = self.0.clearance_m;
+        let mut found = None;
+        if clearance > 0.0 {
+            found = search.shortest(agent.disc.radius + clearance);
+        }
+        let found = found.or_else(|| search.shortest(agent.disc.radius));
+        // Corners of arcs stick out a little, so that they may be in the way where a disc just fits.
+        let smaller = agent.disc.radius * libm::cos(STEP / 2.0) * (1.0 - 1e-6);
+        let fits = found.is_some() || search.shortest(smaller).is_some();
+        for (name, value) in [
+            ("expansions", search.expanded),
+            ("generated", search.offered),
+            ("tests", search.tested),
+        ] {
+            call.metric(name, value as f64);
+        }
+        let Some(way) = found else {
+            return Err(if search.ended() {
+                Failure::new(Status::TimedOut, "a limit was met before a way was found")
+            } else if fits {
+                let reason = "a gap on the way is as wide as the robot to the last digit";
+                Failure::new(Status::GaveUp, reason)
+            } else {
+                no_way(instance, 0)
+            });
+        };
+        // Of the path with true arcs; the plan's is a little longer.
+        call.metric("length_m", way.length);
+        let stops = driven(&way, agent.disc.speed);
+        if let Some(annotations) = call.annotations() {
+            show(std::slice::from_ref(&stops), annotations);
+        }
+        let knots: KnotPlan = std::iter::once(agent.knots(&stops)).collect();
+        Ok(sink.submit(&knots)?)
+    }
+}
+
+/// Searches of a call, for one disc.
+struct Search<'a> {
+    world: &'a World,
+    disc: Disc,
+    call: &'a Call<'a>,
+    expanded: u64,
+    offered: u64,
+    tested: u64,
+}
+
+impl Search<'_> {
+    /// The shortest way of a disc of that radius, if a limit is not met before.
+    fn shortest(&mut self, radius: f64) -> Option<Way> {
+        let obstacles = Obstacles::new(self.world.polygons.clone(), self.world.bounds, radius);
+        let mut tangents = Tangents::with_step(&obstacles, STEP);
+        let nodes = self.call.node_limit().unwrap_or(u64::MAX);
+        let mut left = nodes.saturating_sub(self.tested);
+        let way = tangents.shortest(self.disc.start, self.disc.goal, &mut || {
+            left = left.saturating_sub(1);
+            left == 0 || self.call.stop()
+        });
+        self.expanded += tangents.expanded;
+        self.offered += tangents.offered;
+        self.tested += tangents.tested;
+        way
+    }
+
+    /// A limit was met.
+    fn ended(&self) -> bool {
+        self.call
+            .node_limit()
+            .is_some_and(|nodes| self.tested >= nodes)
+            || self.call.stop()
+    }
+}
+
+/// The stops of a disc that drives along a way at this speed.
+fn driven(way: &Way, speed: f64) -> Vec<Stop> {
+    let mut time = 0.0;
+    let mut stops: Vec<Stop> = Vec::with_capacity(way.places.len());
+    for at in &way.places {
+        if let Some(last) = stops.last_mut() {
+            time += (at - last.at).norm() / speed;
+        }
+        stops.push(Stop {
+            at: *at,
+            arrival: time,
+            departure: time,
+        });
+    }
+    if let Some(last) = stops.last_mut() {
+        last.departure = f64::INFINITY;
+    }
+    stops
+}
