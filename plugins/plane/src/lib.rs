@@ -11,7 +11,8 @@
 //! - [`timing`]: the times of a disc on a given way among others;
 //! - [`orders`]: orders of priority;
 //! - [`prioritised`]: teams of discs in the plane;
-//! - [`plugin`]: the planner behind the contract.
+//! - [`team`]: teams of discs in space and time together;
+//! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod bins;
@@ -22,6 +23,7 @@ pub mod plugin;
 pub mod prioritised;
 pub mod spans;
 pub mod tangent;
+pub mod team;
 pub mod timing;
 
 /// A place or a displacement, in metres.

@@ -82,6 +82,11 @@ impl Obstacles {
         self.radius
     }
 
+    /// The box that the disc's centre must not leave.
+    pub fn inner(&self) -> Rectangle {
+        self.inner
+    }
+
     /// The corners that stick out, and the discs.
     pub fn corners(&self) -> impl Iterator<Item = Corner> {
         let corners = self.polygons.iter().flat_map(|polygon| {
