@@ -63,7 +63,7 @@ pub struct Figures {
 /// Discs keep so much more distance from each other, as a share of their radii: times are rounded.
 const MARGIN: f64 = 1e-9;
 /// Seconds that a disc without a way stands at its start, in times that it takes to drive its own diameter.
-const STANDING: f64 = 2.0;
+const STANDING: f64 = 1.0;
 /// Seconds that a disc is worth to one that passes through it, and that one at its start is.
 const WORTH: f64 = 4.0;
 /// States of a search that finds a way soon if it finds one, in places of the ground.
@@ -372,7 +372,8 @@ impl<'a> Team<'a> {
         }
         let mut order: Vec<usize> = (0..self.discs.len()).collect();
         if attempt < 2 {
-            order.sort_by(|a, b| self.least[*b].total_cmp(&self.least[*a]));
+            // Whoever has arrived is out of the way of those who have far to go, and fewer are delayed.
+            order.sort_by(|a, b| self.least[*a].total_cmp(&self.least[*b]));
         } else {
             random.shuffle(&mut order);
         }
