@@ -174,6 +174,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("plane-pp", IN_HOST),
     ("tangent", IN_WORKER),
     ("tangent", IN_HOST),
+    ("si-tangent", IN_WORKER),
+    ("si-tangent", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

@@ -465,6 +465,7 @@ fn plugins_are_listed_and_described() {
             "eccbs",
             "plane-pp",
             "tangent",
+            "si-tangent",
             "empty",
             "astar",
             "dijkstra",

@@ -5,7 +5,9 @@ use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
-use fleetyard_plugin_plane::plugin::{PlanePrioritised, shortest::ShortestTangents};
+use fleetyard_plugin_plane::plugin::PlanePrioritised;
+use fleetyard_plugin_plane::plugin::safe_intervals::SafeIntervalTangents;
+use fleetyard_plugin_plane::plugin::shortest::ShortestTangents;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_roadmap::plugin::{Ccbs, Ctc, Eccbs, RoadmapPrioritised};
 use fleetyard_plugin_search::plugin as search;
@@ -30,6 +32,7 @@ fleetyard_abi::export! {
         Eccbs,
         PlanePrioritised,
         ShortestTangents,
+        SafeIntervalTangents,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -28,6 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         clearance: 0.0,
         neighborhood: 8,
         rounds: if seconds > 0.0 { u64::MAX } else { 0 },
+        memory: 0,
         seed,
     };
     let begin = Instant::now();

@@ -12,6 +12,7 @@ use crate::orders::End;
 use crate::prioritised::{Disc, Effort, Outcome, World, plan};
 
 mod robots;
+pub mod safe_intervals;
 pub mod shortest;
 
 use robots::{agents, no_way, show, world};

@@ -31,6 +31,10 @@ const STEP: f64 = std::f64::consts::PI / 18.0;
 /// Sine of an angle that counts as none.
 const LEVEL: f64 = 1e-9;
 
+/// Sine of an angle by which a tangent may lean towards an edge of its corner: one to a place that touches the edge leans a
+/// little, for the circle is larger than the radius. It is tested like all others.
+const GRAZE: f64 = 1e-5;
+
 /// The direction of driving round a corner: with it to the left, or to the right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Round {
@@ -250,8 +254,8 @@ impl<'a> Tangents<'a> {
         let Some([before, after]) = self.corner(place).and_then(|corner| corner.normals) else {
             return true;
         };
-        cross(before, normal) > -LEVEL
-            && cross(normal, after) > -LEVEL
+        cross(before, normal) > -GRAZE
+            && cross(normal, after) > -GRAZE
             && (before + after).dot(&normal) > 0.0
     }
 

@@ -4,6 +4,8 @@
 // Ends of intervals are copied, not worked out anew.
 #![allow(clippy::float_cmp)]
 
+mod shortest;
+mod space_time;
 mod support;
 
 use fleetyard_plugin_plane::Vector;
@@ -194,7 +196,7 @@ fn driving_one_behind_the_other_takes_a_headway() {
     assert!((found.backward.low + 4.0).abs() < 1e-12 && (found.backward.high - 4.0).abs() < 1e-12);
 }
 
-mod ways {
+pub(crate) mod ways {
     //! Shortest ways held against a search in a graph of many places round each corner, whose lines are tested by sampling.
 
     use std::f64::consts::PI;
@@ -204,14 +206,14 @@ mod ways {
     use fleetyard_plugin_plane::obstacles::Obstacles;
     use fleetyard_plugin_plane::tangent::Tangents;
 
-    const SIDE: f64 = 6.0;
-    const RADIUS: f64 = 0.3;
+    pub(crate) const SIDE: f64 = 6.0;
+    pub(crate) const RADIUS: f64 = 0.3;
 
     /// Numbers from 0 to 1, the same in every run.
-    struct Numbers(u64);
+    pub(crate) struct Numbers(pub(crate) u64);
 
     impl Numbers {
-        fn next(&mut self) -> f64 {
+        pub(crate) fn next(&mut self) -> f64 {
             self.0 = self
                 .0
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -219,8 +221,21 @@ mod ways {
             (self.0 >> 33) as f64 / f64::from(1_u32 << 31)
         }
 
-        fn place(&mut self) -> Vector {
+        pub(crate) fn place(&mut self) -> Vector {
             Vector::new(self.next(), self.next()) * SIDE
+        }
+
+        /// A clockwise polygon. Corners at unequal distances from its middle point inwards at times.
+        pub(crate) fn polygon(&mut self) -> Vec<Vector> {
+            let (centre, size) = (self.place(), 0.7 + self.next());
+            let corners = 3 + (self.next() * 3.0) as u32;
+            let corner = |corner: u32| {
+                let turn = f64::from(corner) + 0.8 * self.next();
+                let angle = turn * 2.0 * PI / f64::from(corners);
+                let reach = size * (0.5 + 0.5 * self.next());
+                centre + Vector::new(angle.cos(), -angle.sin()) * reach
+            };
+            (0..corners).map(corner).collect()
         }
     }
 
@@ -238,7 +253,7 @@ mod ways {
         if odd { -least } else { least }
     }
 
-    fn clear(polygons: &[Vec<Vector>], from: Vector, to: Vector) -> bool {
+    pub(crate) fn clear(polygons: &[Vec<Vector>], from: Vector, to: Vector) -> bool {
         let samples = ((to - from).norm() / 0.02).ceil().max(1.0);
         (0..=samples as u32).all(|sample| {
             let place = from + (to - from) * (f64::from(sample) / samples);
@@ -249,7 +264,7 @@ mod ways {
     }
 
     /// The shortest way over places round the corners, each ten degrees.
-    fn sampled(polygons: &[Vec<Vector>], start: Vector, goal: Vector) -> f64 {
+    pub(crate) fn sampled(polygons: &[Vec<Vector>], start: Vector, goal: Vector) -> f64 {
         let mut places = vec![start, goal];
         for corner in polygons.iter().flatten() {
             let around = (0..36).map(|step| {
@@ -283,21 +298,7 @@ mod ways {
     fn ways_are_as_short_as_those_over_many_places_round_each_corner() {
         let (mut numbers, mut found, mut turned) = (Numbers(7), 0, 0);
         for _ in 0..150 {
-            let polygons: Vec<Vec<Vector>> = (0..4)
-                .map(|_| {
-                    let (centre, size) = (numbers.place(), 0.7 + numbers.next());
-                    let corners = 3 + (numbers.next() * 3.0) as u32;
-                    (0..corners)
-                        .map(|corner| {
-                            let angle = (f64::from(corner) + 0.8 * numbers.next()) * 2.0 * PI
-                                / f64::from(corners);
-                            // Corners at unequal distances make polygons with corners that point inwards.
-                            let reach = size * (0.5 + 0.5 * numbers.next());
-                            centre + Vector::new(angle.cos(), -angle.sin()) * reach
-                        })
-                        .collect()
-                })
-                .collect();
+            let polygons: Vec<Vec<Vector>> = (0..4).map(|_| numbers.polygon()).collect();
             let bounds = Rectangle {
                 min: Vector::zeros(),
                 max: Vector::repeat(SIDE),
@@ -391,7 +392,7 @@ mod ways {
     }
 }
 
-mod teams {
+pub(crate) mod teams {
     //! Teams of discs of several sizes: whoever is given a plan keeps clear of everybody and everything.
 
     use fleetyard_plugin_plane::Vector;
@@ -404,7 +405,7 @@ mod teams {
 
     use super::support::least_clearance;
 
-    fn bounds() -> Rectangle {
+    pub(crate) fn bounds() -> Rectangle {
         Rectangle {
             min: Vector::zeros(),
             max: Vector::new(8.0, 6.0),
@@ -412,7 +413,7 @@ mod teams {
     }
 
     /// A wall with a door, and a block.
-    fn polygons() -> Vec<Vec<Vector>> {
+    pub(crate) fn polygons() -> Vec<Vec<Vector>> {
         let block = |left: f64, bottom: f64, right: f64, top: f64| {
             [(left, bottom), (right, bottom), (right, top), (left, top)]
                 .map(|(x, y)| Vector::new(x, y))
@@ -433,7 +434,7 @@ mod teams {
         }
     }
 
-    fn world(polygons: Vec<Vec<Vector>>) -> World {
+    pub(crate) fn world(polygons: Vec<Vec<Vector>>) -> World {
         World {
             polygons,
             bounds: bounds(),
@@ -441,7 +442,24 @@ mod teams {
         }
     }
 
-    fn discs() -> impl Strategy<Value = Vec<Disc>> {
+    /// It comes along a free aisle and leaves the way that it came.
+    pub(crate) fn mover() -> Mover {
+        let stop = |x: f64, arrival: f64, departure: f64| Stop {
+            at: Vector::new(x, -1.0),
+            arrival,
+            departure,
+        };
+        Mover {
+            radius: 1.3,
+            stops: vec![
+                stop(-3.0, 0.0, 1.0),
+                stop(9.0, 7.0, 8.0),
+                stop(-3.0, 14.0, f64::INFINITY),
+            ],
+        }
+    }
+
+    pub(crate) fn discs() -> impl Strategy<Value = Vec<Disc>> {
         let place = || (0.4..7.6_f64, 0.4..5.6_f64).prop_map(|(x, y)| Vector::new(x, y));
         let disc = (
             prop_oneof![Just(0.2), 0.1..0.35_f64],
@@ -476,6 +494,42 @@ mod teams {
         })
     }
 
+    /// Fails unless discs keep clear of each other, of movers and of walls, and go from start to goal at their speeds.
+    pub(crate) fn judge(
+        world: &World,
+        discs: &[Disc],
+        plans: &[Vec<Stop>],
+    ) -> Result<(), TestCaseError> {
+        let (mut bodies, mut stops) = (discs.to_vec(), plans.to_vec());
+        for mover in &world.movers {
+            let at = mover.stops[0].at;
+            bodies.push(Disc {
+                radius: mover.radius,
+                speed: 1.0,
+                start: at,
+                goal: at,
+            });
+            stops.push(mover.stops.clone());
+        }
+        let clearance = least_clearance(&bodies, &stops);
+        prop_assert!(clearance > -1e-7, "{} m", clearance);
+        prop_assert_eq!(discs.len(), plans.len());
+        for (disc, stops) in discs.iter().zip(plans) {
+            let (first, last) = (stops[0], stops[stops.len() - 1]);
+            prop_assert_eq!((first.at, first.arrival), (disc.start, 0.0));
+            prop_assert_eq!((last.at, last.departure), (disc.goal, f64::INFINITY));
+            let radius = disc.radius - 1e-6;
+            let obstacles = Obstacles::new(world.polygons.clone(), world.bounds, radius);
+            for leg in stops.windows(2) {
+                prop_assert!(leg[0].departure >= leg[0].arrival);
+                let seconds = (leg[1].at - leg[0].at).norm() / disc.speed;
+                prop_assert!((leg[1].arrival - leg[0].departure - seconds).abs() < 1e-9);
+                prop_assert!(obstacles.clear(leg[0].at, leg[1].at));
+            }
+        }
+        Ok(())
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(120))]
 
@@ -485,20 +539,7 @@ mod teams {
             seed in 0..3_u64,
             moved in prop::bool::ANY,
         ) {
-            // It comes along a free aisle and leaves the way that it came.
-            let stop = |x: f64, arrival: f64, departure: f64| Stop {
-                at: Vector::new(x, -1.0),
-                arrival,
-                departure,
-            };
-            let mover = Mover {
-                radius: 1.3,
-                stops: vec![
-                    stop(-3.0, 0.0, 1.0),
-                    stop(9.0, 7.0, 8.0),
-                    stop(-3.0, 14.0, f64::INFINITY),
-                ],
-            };
+            let mover = mover();
             let world = World {
                 movers: moved.then(|| mover.clone()).into_iter().collect(),
                 ..world(polygons())
@@ -509,26 +550,7 @@ mod teams {
                 prop_assert!(discs.len() > 1 || moved, "one disc alone has a way");
                 return Ok(());
             };
-            let (mut bodies, mut stops) = (discs.clone(), plans.clone());
-            if moved {
-                let (start, goal) = (Vector::new(-3.0, -1.0), Vector::new(-3.0, -1.0));
-                bodies.push(Disc { radius: mover.radius, speed: 1.0, start, goal });
-                stops.push(mover.stops);
-            }
-            let clearance = least_clearance(&bodies, &stops);
-            prop_assert!(clearance > -1e-7, "{clearance} m");
-            for (disc, stops) in discs.iter().zip(&plans) {
-                let (first, last) = (stops[0], stops[stops.len() - 1]);
-                prop_assert_eq!((first.at, first.arrival), (disc.start, 0.0));
-                prop_assert_eq!((last.at, last.departure), (disc.goal, f64::INFINITY));
-                let obstacles = Obstacles::new(polygons(), bounds(), disc.radius - 1e-6);
-                for leg in stops.windows(2) {
-                    prop_assert!(leg[0].departure >= leg[0].arrival);
-                    let seconds = (leg[1].at - leg[0].at).norm() / disc.speed;
-                    prop_assert!((leg[1].arrival - leg[0].departure - seconds).abs() < 1e-9);
-                    prop_assert!(obstacles.clear(leg[0].at, leg[1].at));
-                }
-            }
+            judge(&world, &discs, &plans)?;
         }
     }
 

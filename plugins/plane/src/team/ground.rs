@@ -23,8 +23,8 @@ const CLEARANCE: f64 = 1e-7;
 const SPACING: f64 = 2.5;
 /// Longest line to a bay, in that distance.
 const REACH: f64 = 3.1;
-/// Most places of the lattice before some are left out.
-const MOST_BAYS: f64 = 10_000.0;
+/// Most places of the lattice.
+const MOST_BAYS: usize = 10_000;
 /// Bays round a start or a goal.
 const RING: u32 = 6;
 
@@ -59,9 +59,9 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Among these obstacles. Rings of bays are made round `others`: the place of each and the distance that centres have to
-    /// keep from it. The places of `ways` are turns that bend any way.
-    pub fn new(obstacles: Obstacles, others: &[Disc], ways: &[Vec<Vector>]) -> Self {
+    /// Among these obstacles, with so many bays at most. Rings of bays are made round `others`: the place of each and the
+    /// distance that centres have to keep from it. The places of `ways` are turns that bend any way.
+    pub fn new(obstacles: Obstacles, most: usize, others: &[Disc], ways: &[Vec<Vector>]) -> Self {
         let radius = obstacles.radius();
         let (mut places, mut bends) = (Vec::new(), Vec::new());
         for corner in obstacles.corners() {
@@ -91,7 +91,14 @@ impl Ground {
             });
         }
         let turns = places.len();
-        let (lattice, spacing) = lattice(obstacles.inner(), SPACING * radius);
+        let in_rings = others.len() * RING as usize;
+        let (others, most) = if in_rings > most / 2 {
+            (&[][..], most)
+        } else {
+            (others, most - in_rings)
+        };
+        let most = most.clamp(1, MOST_BAYS) as f64;
+        let (lattice, spacing) = lattice(obstacles.inner(), SPACING * radius, most);
         let rings = others.iter().flat_map(|other| {
             let away = other.radius / libm::cos(PI / f64::from(RING));
             (0..RING).map(move |step| {
@@ -99,7 +106,16 @@ impl Ground {
                 other.at + turned(Vector::new(away, 0.0), angle)
             })
         });
-        places.extend(lattice.chain(rings).filter(|at| obstacles.free(*at)));
+        // A bay too narrow for the lattice may hold a place beside it.
+        let shifted = lattice.filter_map(|at| {
+            let beside = (0..6).map(|step| {
+                let angle = TAU * f64::from(step) / 6.0;
+                at + turned(Vector::new(spacing / 3.0, 0.0), angle)
+            });
+            let mut tried = std::iter::once(at).chain(beside);
+            tried.find(|at| obstacles.free(*at))
+        });
+        places.extend(shifted.chain(rings.filter(|at| obstacles.free(*at))));
         let bays = places[turns..].iter();
         Self {
             // So wide that a bin holds a few.
@@ -189,14 +205,13 @@ impl Ground {
     }
 }
 
-/// The places of a hexagonal lattice in a box, and the distance of neighbours, which is `spacing` unless they would be too
-/// many.
-fn lattice(within: Rectangle, spacing: f64) -> (impl Iterator<Item = Vector>, f64) {
+/// The places of a hexagonal lattice in a box, about `most`, and the distance of neighbours, which is at least `spacing`.
+fn lattice(within: Rectangle, spacing: f64, most: f64) -> (impl Iterator<Item = Vector>, f64) {
     let extent = (within.max - within.min).sup(&Vector::zeros());
-    let least = (extent.x * extent.y / MOST_BAYS / ROW).sqrt();
+    let least = (extent.x * extent.y / most / ROW).sqrt();
     let spacing = spacing
         .max(least)
-        .max(extent.max() / MOST_BAYS)
+        .max(extent.max() / most)
         .max(f64::MIN_POSITIVE);
     let count = |length: f64, step: f64| (length / step) as u32 + 1;
     let (columns, rows) = (count(extent.x, spacing), count(extent.y, spacing * ROW));

@@ -12,11 +12,12 @@
 
 use std::collections::VecDeque;
 
+use fleetyard_plugin_spacetime::plugin::MEMORY;
 use fleetyard_plugin_spacetime::random::Random;
 
 use super::ground::{Course, Ground};
 use super::search::{Control, Driver, Field, Search};
-use super::traffic::{Separation, Traffic};
+use super::traffic::Traffic;
 use crate::Vector;
 use crate::obstacles::{self, Obstacles};
 use crate::prioritised::{Disc, World};
@@ -32,6 +33,8 @@ pub struct Effort {
     pub neighborhood: usize,
     /// Most neighbourhoods to plan anew.
     pub rounds: u64,
+    /// Bytes to use; 0 for as many as usual.
+    pub memory: u64,
     /// Of all that is drawn.
     pub seed: u64,
 }
@@ -82,39 +85,12 @@ struct Known {
     ground: Ground,
 }
 
-/// Distances that a disc keeps from the others.
-struct Apart<'a> {
-    disc: usize,
-    /// All discs, then movers, at the beginning and in the end.
-    discs: &'a [Disc],
-    clearance: f64,
-    who: Who,
-    team: usize,
-}
-
+/// Those to keep clear of.
 #[derive(Clone, Copy, PartialEq)]
 enum Who {
     All,
     Movers,
     Team,
-}
-
-impl Separation for Apart<'_> {
-    fn from(&self, other: u32) -> Option<f64> {
-        let is_mover = other as usize >= self.team;
-        match self.who {
-            Who::Movers if !is_mover => return None,
-            Who::Team if is_mover => return None,
-            _ => {}
-        }
-        let (own, other) = (&self.discs[self.disc], &self.discs[other as usize]);
-        let sum = own.radius + other.radius;
-        // As far as their starts and goals allow.
-        let most = (own.start - other.start)
-            .norm()
-            .min((own.goal - other.goal).norm());
-        Some((sum * (1.0 + MARGIN) + self.clearance).min(most.max(sum) * (1.0 - 1e-12)))
-    }
 }
 
 /// Plans for discs in a world, and calls `tell` with every plan that is better than the ones before.
@@ -130,7 +106,7 @@ pub fn plan(
     let mut ejections = 0;
     for attempt in 0..ATTEMPTS {
         let clearance = if attempt == 0 { effort.clearance } else { 0.0 };
-        let made = Team::new(world, discs, clearance, control);
+        let made = Team::new(world, discs, (clearance, effort.memory), control);
         let mut team = match made {
             Ok(team) => team,
             Err(outcome) => return (outcome, figures),
@@ -149,6 +125,12 @@ pub fn plan(
     (Outcome::GaveUp(ejections), figures)
 }
 
+/// Bytes for a place: its lines, and for each disc its distance to the goal.
+const PLACE: u64 = 2048;
+const DISTANCE: u64 = 16;
+/// Bytes for a state and what is left to be tried from there.
+const STATE: u64 = 2048;
+
 /// Random stream of plans.
 const STREAM: u64 = 1 << 17;
 
@@ -164,6 +146,8 @@ struct Team<'a> {
     courses: Vec<Course>,
     traffic: Traffic,
     search: Search,
+    /// Most bays of a ground.
+    most_bays: usize,
     plans: Vec<Vec<Stop>>,
     /// The earliest arrival of each disc, were it alone.
     least: Vec<f64>,
@@ -174,11 +158,14 @@ impl<'a> Team<'a> {
     fn new(
         world: &World,
         discs: &'a [Disc],
-        clearance: f64,
+        (clearance, memory): (f64, u64),
         control: &mut Control<'_>,
     ) -> Result<Self, Outcome> {
+        let memory = if memory == 0 { MEMORY } else { memory };
+        let per_place = PLACE + DISTANCE * discs.len() as u64;
         let mut bodies = discs.to_vec();
-        bodies.extend(world.movers.iter().filter_map(|mover| {
+        let moving = || world.movers.iter().filter(|mover| !mover.stops.is_empty());
+        bodies.extend(moving().filter_map(|mover| {
             let (first, last) = (mover.stops.first()?, mover.stops.last()?);
             Some(Disc {
                 radius: mover.radius,
@@ -199,12 +186,13 @@ impl<'a> Team<'a> {
             grounds: Vec::new(),
             ground_of: Vec::with_capacity(discs.len()),
             courses: Vec::with_capacity(discs.len()),
-            search: Search::default(),
+            search: Search::new((memory / 4 / STATE) as usize),
+            most_bays: (memory / 2 / per_place) as usize,
             plans: vec![Vec::new(); discs.len()],
             least: vec![0.0; discs.len()],
             alone: vec![Vec::new(); discs.len()],
         };
-        for (mover, body) in world.movers.iter().zip(discs.len() as u32..) {
+        for (mover, body) in moving().zip(discs.len() as u32..) {
             team.traffic.set(body, &mover.stops);
         }
         for disc in 0..discs.len() {
@@ -251,7 +239,8 @@ impl<'a> Team<'a> {
                     continue;
                 };
                 let obstacles = known.obstacles().clone();
-                self.grounds[ground].ground = Ground::new(obstacles, &others, &[way.places]);
+                self.grounds[ground].ground =
+                    Ground::new(obstacles, self.most_bays, &others, &[way.places]);
                 let known = &mut self.grounds[ground].ground;
                 // Those who were joined before have lines to places of other numbers now.
                 for other in 0..disc {
@@ -278,7 +267,12 @@ impl<'a> Team<'a> {
         self.grounds.iter().position(same).unwrap_or_else(|| {
             let obstacles =
                 Obstacles::new(world.polygons.clone(), world.bounds, radius + clearance);
-            let ground = Ground::new(obstacles, &self.rings(radius, clearance), &[]);
+            let ground = Ground::new(
+                obstacles,
+                self.most_bays,
+                &self.rings(radius, clearance),
+                &[],
+            );
             self.grounds.push(Known {
                 radius,
                 clearance,
@@ -297,21 +291,31 @@ impl<'a> Team<'a> {
         discs.collect()
     }
 
+    /// The distances that a disc keeps from the others: clearance as far as their starts and goals allow.
+    fn apart(&self, disc: usize, who: Who) -> Vec<f64> {
+        let own = &self.bodies[disc];
+        let distance = |(number, other): (usize, &Disc)| {
+            let is_mover = number >= self.discs.len();
+            if who == (if is_mover { Who::Team } else { Who::Movers }) {
+                return 0.0;
+            }
+            let sum = own.radius + other.radius;
+            let ends = [own.start - other.start, own.goal - other.goal];
+            let most = ends[0].norm().min(ends[1].norm()).max(sum);
+            (sum * (1.0 + MARGIN) + self.clearance).min(most * (1.0 - 1e-12))
+        };
+        self.bodies.iter().enumerate().map(distance).collect()
+    }
+
     /// Searches a way for a disc that arrives before a time, expanding so many states at most.
     fn earliest(
         &mut self,
         disc: usize,
         who: Who,
-        (before, most): (f64, u64),
+        (hold, before, most): (f64, f64, u64),
         control: &mut Control<'_>,
     ) -> Option<Vec<Stop>> {
-        let apart = Apart {
-            disc,
-            discs: &self.bodies,
-            clearance: self.clearance,
-            who,
-            team: self.discs.len(),
-        };
+        let apart = self.apart(disc, who);
         let mut field = Field {
             ground: &mut self.grounds[self.ground_of[disc]].ground,
             course: &mut self.courses[disc],
@@ -321,6 +325,7 @@ impl<'a> Team<'a> {
         let driver = Driver {
             disc: disc as u32,
             speed: self.discs[disc].speed,
+            hold,
             before,
             most,
         };
@@ -359,7 +364,8 @@ impl<'a> Team<'a> {
         figures: &mut Figures,
     ) -> bool {
         for disc in 0..self.discs.len() {
-            let Some(stops) = self.earliest(disc, Who::Movers, (f64::INFINITY, u64::MAX), control)
+            let Some(stops) =
+                self.earliest(disc, Who::Movers, (0.0, f64::INFINITY, u64::MAX), control)
             else {
                 return false;
             };
@@ -383,7 +389,14 @@ impl<'a> Team<'a> {
         while let Some(disc) = waiting.pop_front() {
             figures.searches += 1;
             let most = SOON * self.grounds[self.ground_of[disc]].ground.len() as u64;
-            if let Some(stops) = self.earliest(disc, Who::All, (f64::INFINITY, most), control) {
+            // Who is planned first never waits for others, though it may have to: later attempts let some wait at random.
+            let hold = if attempt > 0 && random.one_in(2) {
+                self.least[disc] * fraction(random)
+            } else {
+                0.0
+            };
+            let bounds = (hold, f64::INFINITY, most);
+            if let Some(stops) = self.earliest(disc, Who::All, bounds, control) {
                 self.go(disc, stops);
                 continue;
             }
@@ -415,14 +428,8 @@ impl<'a> Team<'a> {
         failures: &[f64],
         control: &mut Control<'_>,
     ) -> Option<(Vec<Stop>, Vec<u32>)> {
-        let apart = |who| Apart {
-            disc,
-            discs: &self.bodies,
-            clearance: self.clearance,
-            who,
-            team: self.discs.len(),
-        };
-        let (movers, others) = (apart(Who::Movers), apart(Who::Team));
+        let movers = self.apart(disc, Who::Movers);
+        let others = self.apart(disc, Who::Team);
         let plans = &self.plans;
         let penalty = |other: u32| {
             let other = other as usize;
@@ -441,6 +448,7 @@ impl<'a> Team<'a> {
         let driver = Driver {
             disc: disc as u32,
             speed: self.discs[disc].speed,
+            hold: 0.0,
             before: f64::INFINITY,
             most: u64::MAX,
         };
@@ -461,7 +469,7 @@ impl<'a> Team<'a> {
         tell: &mut dyn FnMut(&[Vec<Stop>]),
     ) {
         let (mut news, mut since) = (false, 0);
-        let most = effort.neighborhood.clamp(1, self.discs.len());
+        let most = effort.neighborhood.min(self.discs.len()).max(1);
         while figures.rounds < effort.rounds && !control.ended() {
             let delays: Vec<f64> = (0..self.discs.len())
                 .map(|disc| arrival(&self.plans[disc]) - self.least[disc])
@@ -493,7 +501,7 @@ impl<'a> Team<'a> {
         if total <= 1e-6 {
             return None;
         }
-        let mut left = total * random.below(1 << 20) as f64 / f64::from(1 << 20);
+        let mut left = total * fraction(random);
         let chosen = delays.iter().position(|delay| {
             left -= delay.max(0.0);
             left < 0.0
@@ -503,21 +511,14 @@ impl<'a> Team<'a> {
         let mut members = vec![seed];
         let mut others: Vec<usize> = if random.one_in(2) {
             // Those in the way of the disc, were it alone.
-            let apart = Apart {
-                disc: seed,
-                discs: &self.bodies,
-                clearance: self.clearance,
-                who: Who::Team,
-                team: self.discs.len(),
-            };
+            let apart = self.apart(seed, Who::Team);
             let met = met(&mut self.traffic, &apart, seed as u32, &self.alone[seed]);
             let mut met: Vec<usize> = met.into_iter().map(|disc| disc as usize).collect();
             random.shuffle(&mut met);
             met
         } else {
             // Those that are nearest at some time of its way.
-            let time =
-                arrival(&self.plans[seed]) * random.below(1 << 10) as f64 / f64::from(1 << 10);
+            let time = arrival(&self.plans[seed]) * fraction(random);
             let at = position(&self.plans[seed], time);
             let mut near: Vec<(f64, usize)> = (0..self.discs.len())
                 .filter(|disc| *disc != seed)
@@ -560,7 +561,7 @@ impl<'a> Team<'a> {
             least -= self.least[*disc];
             let bound = sum - 1e-9 - spent - least;
             let most = SOON * self.grounds[self.ground_of[*disc]].ground.len() as u64;
-            match self.earliest(*disc, Who::All, (bound, most), control) {
+            match self.earliest(*disc, Who::All, (0.0, bound, most), control) {
                 Some(stops) => {
                     spent += arrival(&stops);
                     self.go(*disc, stops);
@@ -576,6 +577,11 @@ impl<'a> Team<'a> {
         }
         cheaper
     }
+}
+
+/// From 0 to 1.
+fn fraction(random: &mut Random) -> f64 {
+    random.below(1 << 20) as f64 / f64::from(1 << 20)
 }
 
 fn arrival(stops: &[Stop]) -> f64 {
@@ -596,7 +602,7 @@ fn position(stops: &[Stop], time: f64) -> Vector {
 }
 
 /// Those who come too close to a disc on its way, in order.
-fn met(traffic: &mut Traffic, apart: &Apart<'_>, disc: u32, stops: &[Stop]) -> Vec<u32> {
+fn met(traffic: &mut Traffic, apart: &[f64], disc: u32, stops: &[Stop]) -> Vec<u32> {
     let mut met = Vec::new();
     for piece in obstructions(stops, 0.0) {
         if piece.motion.duration > 0.0 {

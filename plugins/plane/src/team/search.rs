@@ -12,14 +12,11 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::ground::{Course, Ground};
-use super::traffic::{Separation, Traffic};
+use super::traffic::Traffic;
 use crate::Vector;
 use crate::motion::{Motion, Span};
 use crate::spans::Spans;
 use crate::timing::Stop;
-
-/// Most states of a search, so that memory has a bound.
-const MOST_STATES: usize = 1 << 20;
 
 /// Limits of a run.
 pub struct Control<'a> {
@@ -55,6 +52,8 @@ pub struct Driver {
     pub disc: u32,
     /// Metres per second.
     pub speed: f64,
+    /// It stays at its start until this time.
+    pub hold: f64,
     /// Ways that arrive at this time or later are of no use.
     pub before: f64,
     /// Most states to expand.
@@ -125,8 +124,9 @@ struct Slot {
 }
 
 /// Searches, one after the other; memory is kept between them.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Search {
+    most_states: usize,
     slots: Vec<Slot>,
     number: u32,
     states: Vec<State>,
@@ -141,18 +141,18 @@ impl std::fmt::Debug for Entry {
 }
 
 /// All that a search reads.
-pub struct Field<'a, S> {
+pub struct Field<'a> {
     /// The places.
     pub ground: &'a mut Ground,
     /// Start and goal.
     pub course: &'a mut Course,
     /// The others.
     pub traffic: &'a mut Traffic,
-    /// Those to keep clear of.
-    pub apart: &'a S,
+    /// The distances to keep from them; zero for those who do not matter.
+    pub apart: &'a [f64],
 }
 
-impl<S: Separation> Field<'_, S> {
+impl Field<'_> {
     fn start(&self) -> u32 {
         self.ground.len() as u32
     }
@@ -208,7 +208,19 @@ impl<S: Separation> Field<'_, S> {
 }
 
 impl Search {
-    fn begin<S: Separation>(&mut self, field: &Field<'_, S>) {
+    /// Searches that reach so many states at most.
+    pub fn new(most_states: usize) -> Self {
+        Self {
+            most_states,
+            slots: Vec::new(),
+            number: 0,
+            states: Vec::new(),
+            open: BinaryHeap::new(),
+            forbidden: Spans::new(),
+        }
+    }
+
+    fn begin(&mut self, field: &Field<'_>) {
         self.number = self.number.wrapping_add(1);
         if self.number == 0 {
             self.slots.clear();
@@ -223,7 +235,7 @@ impl Search {
     }
 
     /// Makes sure that a place is known to this search.
-    fn touch<S: Separation>(&mut self, field: &mut Field<'_, S>, driver: &Driver, place: u32) {
+    fn touch(&mut self, field: &mut Field<'_>, driver: &Driver, place: u32) {
         let slot = &mut self.slots[place as usize];
         if slot.search == self.number {
             return;
@@ -243,9 +255,9 @@ impl Search {
 
     /// The stops on the earliest way: at the start at time 0, at the goal for ever. None where there is none, or where a limit is
     /// met.
-    pub fn earliest<S: Separation>(
+    pub fn earliest(
         &mut self,
-        field: &mut Field<'_, S>,
+        field: &mut Field<'_>,
         driver: &Driver,
         control: &mut Control<'_>,
     ) -> Option<Vec<Stop>> {
@@ -255,7 +267,8 @@ impl Search {
         self.touch(field, driver, goal);
         let first = self.slots[start as usize].taken.ended(0.0);
         let last = self.slots[goal as usize].taken.as_slice().len();
-        if self.slots[start as usize].taken.safe(first).low > 0.0 {
+        let safe = self.slots[start as usize].taken.safe(first);
+        if safe.low > 0.0 || safe.high < driver.hold {
             return None;
         }
         // Nobody arrives for good while others are still to pass.
@@ -264,7 +277,7 @@ impl Search {
         if !free.is_finite() || free.max(rest) >= driver.before {
             return None;
         }
-        self.reach(start, first, 0, [0.0; 2], free);
+        self.reach(start, first, 0, [0.0, driver.hold], free);
         let mut left = driver.most;
         while let Some(entry) = self.open.pop() {
             match entry.step {
@@ -298,7 +311,7 @@ impl Search {
     fn reach(&mut self, place: u32, interval: usize, parent: u32, times: [f64; 2], free: f64) {
         let slot = &mut self.slots[place as usize];
         let [set_out, arrival] = times;
-        if arrival >= slot.best[interval] || self.states.len() == MOST_STATES {
+        if arrival >= slot.best[interval] || self.states.len() >= self.most_states {
             return;
         }
         slot.best[interval] = arrival;
@@ -319,13 +332,7 @@ impl Search {
     }
 
     /// Offers the lines from a state.
-    fn expand<S: Separation>(
-        &mut self,
-        field: &mut Field<'_, S>,
-        driver: &Driver,
-        from: u32,
-        free: f64,
-    ) {
+    fn expand(&mut self, field: &mut Field<'_>, driver: &Driver, from: u32, free: f64) {
         let state = self.states[from as usize];
         field.lines(state.place, |field, to, length| {
             let rest = field.rest(to).0 / driver.speed;
@@ -347,9 +354,9 @@ impl Search {
     }
 
     /// Reaches all safe intervals of the place at the end of a line, each as early as it can be.
-    fn drive<S: Separation>(
+    fn drive(
         &mut self,
-        field: &mut Field<'_, S>,
+        field: &mut Field<'_>,
         driver: &Driver,
         (from, to, length): (u32, u32, f64),
         free: f64,
@@ -403,13 +410,13 @@ impl Search {
     }
 
     /// The stops on the way to a state.
-    fn stops<S: Separation>(&self, field: &Field<'_, S>, last: u32) -> Vec<Stop> {
+    fn stops(&self, field: &Field<'_>, last: u32) -> Vec<Stop> {
         let (mut stops, mut departure, mut number) = (Vec::new(), f64::INFINITY, last);
         loop {
             let state = self.states[number as usize];
             stops.push(Stop {
                 at: field.at(state.place),
-                arrival: state.arrival,
+                arrival: if number == 0 { 0.0 } else { state.arrival },
                 departure,
             });
             if number == 0 {
@@ -421,13 +428,13 @@ impl Search {
         stops
     }
 
-    /// The stops on a way that goes without a wait, keeps clear of those whom `field.apart` tells of, and is cheap by its time
-    /// and the `penalty`, in seconds, of each of the others that is met on a line. None where there is none, or where a limit is
+    /// The stops on a way that goes without a wait, keeps clear of those whom `field.apart` has, and is cheap by its time
+    /// and the `penalty`, in seconds, of each of `others`, with their distances, that is met on a line. None where there is none, or where a limit is
     /// met.
-    pub fn through<S: Separation, O: Separation>(
+    pub fn through(
         &mut self,
-        field: &mut Field<'_, S>,
-        others: &O,
+        field: &mut Field<'_>,
+        others: &[f64],
         penalty: &dyn Fn(u32) -> f64,
         driver: &Driver,
         control: &mut Control<'_>,
@@ -534,7 +541,7 @@ impl Search {
                     let penalties: f64 = met.iter().map(|disc| penalty(*disc)).sum();
                     let cost = state.cost + (arrival - state.arrival) + penalties;
                     let slot = &mut self.slots[to as usize];
-                    if cost < slot.best[0] && self.states.len() < MOST_STATES {
+                    if cost < slot.best[0] && self.states.len() < self.most_states {
                         slot.best[0] = cost;
                         self.pass(to, interval, from, [set_out, arrival, cost]);
                     }

@@ -16,15 +16,14 @@ struct Piece {
     start: f64,
     end: f64,
     motion: Motion,
-}
-
-/// Distances that a disc keeps from others.
-pub trait Separation {
-    /// The least distance of its centre and that of another, in metres; none if it need not keep clear of it.
-    fn from(&self, other: u32) -> Option<f64>;
+    /// Where the motion ends.
+    to: Vector,
 }
 
 /// Discs on their ways. They are numbered; each has its radius.
+///
+/// Questions come with the distances of centres that the one who asks has to keep from each disc, in metres; zero for those
+/// that it need not keep clear of.
 #[derive(Debug)]
 pub struct Traffic {
     radii: Vec<f64>,
@@ -77,11 +76,13 @@ impl Traffic {
             if end <= start {
                 continue;
             }
+            let (from, to) = ends(&motion);
             let piece = Piece {
                 disc,
                 start,
                 end,
                 motion,
+                to,
             };
             let number = self.unused.pop().unwrap_or_else(|| {
                 self.pieces.push(piece);
@@ -90,7 +91,6 @@ impl Traffic {
             });
             self.pieces[number as usize] = piece;
             self.of[disc as usize].push(number);
-            let (from, to) = ends(&motion);
             for bin in self.along(from, to, self.radii[disc as usize]) {
                 self.bins[bin].push(number);
             }
@@ -100,8 +100,8 @@ impl Traffic {
     /// Takes a disc out.
     pub fn remove(&mut self, disc: u32) {
         for number in std::mem::take(&mut self.of[disc as usize]) {
-            let (from, to) = ends(&self.pieces[number as usize].motion);
-            for bin in self.along(from, to, self.radii[disc as usize]) {
+            let Piece { motion, to, .. } = self.pieces[number as usize];
+            for bin in self.along(motion.from, to, self.radii[disc as usize]) {
                 let members = &mut self.bins[bin];
                 if let Some(at) = members.iter().position(|member| *member == number) {
                     members.swap_remove(at);
@@ -112,11 +112,9 @@ impl Traffic {
     }
 
     /// Adds the times at which `disc` may not be at a place.
-    pub fn taken(&mut self, disc: u32, at: Vector, apart: &impl Separation, taken: &mut Spans) {
+    pub fn taken(&mut self, disc: u32, at: Vector, apart: &[f64], taken: &mut Spans) {
         self.near(disc, (at, at), |piece| {
-            let Some(distance) = apart.from(piece.disc) else {
-                return;
-            };
+            let distance = apart[piece.disc as usize];
             if let Some(near) = piece.motion.near(at, distance) {
                 taken.insert(near.after(piece.start));
             }
@@ -129,17 +127,16 @@ impl Traffic {
         disc: u32,
         motion: &Motion,
         within: Span,
-        apart: &impl Separation,
+        apart: &[f64],
         forbidden: &mut Spans,
     ) {
         let last = within.high + motion.duration;
+        let line = Strip::along(motion);
         self.near(disc, ends(motion), |piece| {
-            if piece.end <= within.low || piece.start >= last {
+            let distance = apart[piece.disc as usize];
+            if piece.end <= within.low || piece.start >= last || line.misses(piece, distance) {
                 return;
             }
-            let Some(distance) = apart.from(piece.disc) else {
-                return;
-            };
             if let Some(overlap) = piece.motion.overlap(motion, distance) {
                 forbidden.insert(overlap.forward.after(piece.start));
             }
@@ -151,17 +148,16 @@ impl Traffic {
         &mut self,
         disc: u32,
         (start, motion): (f64, &Motion),
-        apart: &impl Separation,
+        apart: &[f64],
         mut met: impl FnMut(u32),
     ) {
         let end = start + motion.duration;
+        let line = Strip::along(motion);
         self.near(disc, ends(motion), |piece| {
-            if piece.end <= start || piece.start >= end {
+            let distance = apart[piece.disc as usize];
+            if piece.end <= start || piece.start >= end || line.misses(piece, distance) {
                 return;
             }
-            let Some(distance) = apart.from(piece.disc) else {
-                return;
-            };
             let meets = if motion.velocity == Vector::zeros() {
                 let near = piece.motion.near(motion.from, distance);
                 near.is_some_and(|near| {
@@ -241,6 +237,40 @@ impl Traffic {
             let end = index(right + margin - origin.x, columns);
             (first..=end).map(move |column| row * columns + column)
         })
+    }
+}
+
+/// The line of a motion, to tell soon of most pieces that they are nowhere near it.
+struct Strip {
+    from: Vector,
+    along: Vector,
+    length: f64,
+}
+
+impl Strip {
+    fn along(motion: &Motion) -> Self {
+        let (from, to) = ends(motion);
+        let length = (to - from).norm();
+        Self {
+            from,
+            along: if length > 0.0 {
+                (to - from) / length
+            } else {
+                Vector::zeros()
+            },
+            length,
+        }
+    }
+
+    /// The piece is farther than a distance on one side of the line, or beyond an end.
+    fn misses(&self, piece: &Piece, distance: f64) -> bool {
+        let (from, to) = (piece.motion.from - self.from, piece.to - self.from);
+        let sides = [from, to].map(|at| self.along.x * at.y - self.along.y * at.x);
+        let ahead = [from, to].map(|at| self.along.dot(&at));
+        sides[0].min(sides[1]) > distance
+            || sides[0].max(sides[1]) < -distance
+            || ahead[0].min(ahead[1]) > self.length + distance
+            || ahead[0].max(ahead[1]) < -distance
     }
 }
 
