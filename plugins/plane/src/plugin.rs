@@ -147,7 +147,10 @@ impl Planner for PlanePrioritised {
                 let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
                 Ok(sink.submit(&knots)?)
             }
-            Outcome::NoWay(agent) => Err(no_way(instance, agent)),
+            Outcome::NoWay(agent) => {
+                let of = (agent, &discs[agent]);
+                Err(no_way(world, instance, of, &mut || call.stop()))
+            }
             Outcome::Stopped => Err(unsolved(true, 0)),
         }
     }

@@ -1,4 +1,6 @@
-//! What the contract says of robots, movers and the plane, as discs.
+//! Robots, movers and the plane of the contract, as discs.
+
+use std::f64::consts::PI;
 
 use fleetyard_abi::sdk::{Annotations, Failure};
 use fleetyard_abi::{
@@ -8,7 +10,9 @@ use fleetyard_abi::{
 
 use crate::Vector;
 use crate::bins::Rectangle;
+use crate::obstacles::Obstacles;
 use crate::prioritised::{Disc, Mover, World};
+use crate::tangent::Tangents;
 use crate::timing::Stop;
 
 /// Hands over ways and waits, in layers of these names.
@@ -103,12 +107,27 @@ pub(super) fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
         .collect()
 }
 
-/// The failure of a team of which this agent's disc has no way even alone.
-pub(super) fn no_way(instance: &Instance, agent: usize) -> Failure {
+/// Longest turn of an arc that is driven as one corner where arcs have to be fine, in radians: two degrees, which makes them
+/// longer by a ten-thousandth.
+pub(super) const FINE: f64 = PI / 90.0;
+
+/// The failure of a team of which this agent's disc was not found to have a way, not even alone.
+pub(super) fn no_way(
+    world: &World,
+    instance: &Instance,
+    (agent, disc): (usize, &Disc),
+    stop: &mut dyn FnMut() -> bool,
+) -> Failure {
     let robot = instance.robot(agent);
     let is_disc = robot.is_some_and(|robot| robot.footprint.corners_m.is_empty());
+    // Corners of arcs stick out a little, so that they may be in the way where the disc just fits: the arcs of this one do
+    // not stick out of those of the disc.
+    let smaller = disc.radius * libm::cos(FINE / 2.0) * (1.0 - 1e-6);
+    let obstacles = Obstacles::new(world.polygons.clone(), world.bounds, smaller);
+    let way = Tangents::with_step(&obstacles, FINE).shortest(disc.start, disc.goal, stop);
     // Nearly at its goal it may have arrived, and lengthwise a body may pass where its disc does not.
-    let status = if is_disc && instance.goal_tolerance_m == 0.0 {
+    let proven = way.is_none() && !stop() && is_disc && instance.goal_tolerance_m == 0.0;
+    let status = if proven {
         Status::Infeasible
     } else {
         Status::GaveUp

@@ -128,7 +128,10 @@ impl Planner for SafeIntervalTangents {
                 }
                 Ok(())
             }
-            Outcome::NoWay(agent) => Err(no_way(instance, agent)),
+            Outcome::NoWay(agent) => {
+                let of = (agent, &discs[agent]);
+                Err(no_way(world, instance, of, &mut || call.stop()))
+            }
             Outcome::GaveUp(ejections) => {
                 let reason = format!(
                     "robots pushed each other out {ejections} times, and not all have a way"

@@ -1,7 +1,5 @@
 //! The planner of shortest paths behind the plugin contract: id `tangent`.
 
-use std::f64::consts::PI;
-
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
     Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
@@ -11,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SINGLE_INTEGRATOR;
-use super::robots::{agents, no_way, show, world};
+use super::robots::{FINE, agents, no_way, show, world};
 use crate::obstacles::Obstacles;
 use crate::prioritised::{Disc, World};
 use crate::tangent::{Tangents, Way};
@@ -26,9 +24,6 @@ pub struct Shortest {
     #[schemars(range(min = 0.0, max = 1000.0))]
     clearance_m: f64,
 }
-
-/// Longest turn of an arc that is driven as one corner, in radians: two degrees, which makes arcs longer by a ten-thousandth.
-const STEP: f64 = PI / 90.0;
 
 /// The shortest path of one disc among polygons.
 #[derive(Debug)]
@@ -104,9 +99,6 @@ impl Planner for ShortestTangents {
             found = search.shortest(agent.disc.radius + clearance);
         }
         let found = found.or_else(|| search.shortest(agent.disc.radius));
-        // Corners of arcs stick out a little, so that they may be in the way where a disc just fits.
-        let smaller = agent.disc.radius * libm::cos(STEP / 2.0) * (1.0 - 1e-6);
-        let fits = found.is_some() || search.shortest(smaller).is_some();
         for (name, value) in [
             ("expansions", search.expanded),
             ("generated", search.offered),
@@ -115,14 +107,13 @@ impl Planner for ShortestTangents {
             call.metric(name, value as f64);
         }
         let Some(way) = found else {
-            return Err(if search.ended() {
-                Failure::new(Status::TimedOut, "a limit was met before a way was found")
-            } else if fits {
-                let reason = "a gap on the way is as wide as the robot to the last digit";
-                Failure::new(Status::GaveUp, reason)
-            } else {
-                no_way(instance, 0)
-            });
+            if search.ended() {
+                let reason = "a limit was met before a way was found";
+                return Err(Failure::new(Status::TimedOut, reason));
+            }
+            return Err(no_way(world, instance, (0, &agent.disc), &mut || {
+                call.stop()
+            }));
         };
         // Of the path with true arcs; the plan's is a little longer.
         call.metric("length_m", way.length);
@@ -149,7 +140,7 @@ impl Search<'_> {
     /// The shortest way of a disc of that radius, if a limit is not met before.
     fn shortest(&mut self, radius: f64) -> Option<Way> {
         let obstacles = Obstacles::new(self.world.polygons.clone(), self.world.bounds, radius);
-        let mut tangents = Tangents::with_step(&obstacles, STEP);
+        let mut tangents = Tangents::with_step(&obstacles, FINE);
         let nodes = self.call.node_limit().unwrap_or(u64::MAX);
         let mut left = nodes.saturating_sub(self.tested);
         let way = tangents.shortest(self.disc.start, self.disc.goal, &mut || {

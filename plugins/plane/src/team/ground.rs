@@ -334,7 +334,7 @@ impl Distances {
 /// A disc's start and goal, joined to the ground.
 #[derive(Debug)]
 pub struct Course {
-    /// Where it begins.
+    /// The place at the beginning.
     pub start: Vector,
     /// The lines from there.
     pub lines: Vec<Line>,

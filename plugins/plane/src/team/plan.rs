@@ -65,6 +65,8 @@ pub struct Figures {
 
 /// Discs keep so much more distance from each other, as a share of their radii: times are rounded.
 const MARGIN: f64 = 1e-9;
+/// Longest turn of an arc that is one place, in radians, on a way that is found only so: two degrees.
+const FINE: f64 = std::f64::consts::PI / 90.0;
 /// Seconds that a disc without a way stands at its start, in times that it takes to drive its own diameter.
 const STANDING: f64 = 1.0;
 /// Seconds that a disc is worth to one that passes through it, and that one at its start is.
@@ -230,7 +232,7 @@ impl<'a> Team<'a> {
                 Course::new(known, [start, goal], control.stop).ok_or(Outcome::Stopped)?;
             if course.from_start.0.is_infinite() {
                 // It may fit where lines with few corners do not.
-                let mut tangents = Tangents::new(known.obstacles());
+                let mut tangents = Tangents::with_step(known.obstacles(), FINE);
                 let way = tangents.shortest(start, goal, control.stop);
                 if (control.stop)() {
                     return Err(Outcome::Stopped);

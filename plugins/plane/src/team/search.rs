@@ -83,7 +83,7 @@ enum Step {
     Line { from: u32, to: u32, length: f64 },
 }
 
-/// What is left to be tried; the greatest is the best.
+/// A step that was not tried yet; the greatest is the best.
 struct Entry {
     estimate: f64,
     rest: f64,

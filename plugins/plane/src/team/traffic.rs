@@ -16,7 +16,7 @@ struct Piece {
     start: f64,
     end: f64,
     motion: Motion,
-    /// Where the motion ends.
+    /// The end of the motion.
     to: Vector,
 }
 
@@ -274,7 +274,7 @@ impl Strip {
     }
 }
 
-/// Where a motion begins and ends; one at rest may last for ever.
+/// Both ends of a motion; one at rest may last for ever.
 fn ends(motion: &Motion) -> (Vector, Vector) {
     if motion.velocity == Vector::zeros() {
         (motion.from, motion.from)

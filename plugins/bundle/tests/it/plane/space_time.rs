@@ -102,7 +102,12 @@ proptest! {
             None => prop_assert_eq!(outcome, Outcome::NoWay(0)),
             Some(way) => {
                 let driven = 2.0 * cost(&told[0]);
-                prop_assert!(driven > way.length - 1e-6 && driven < way.length * 1.03 + 1e-9);
+                prop_assert!(driven > way.length - 1e-6);
+                // It has few places round a corner, which want a little more room.
+                let roomy = Obstacles::new(world.polygons.clone(), bounds, 0.3 * 1.036);
+                let way = Tangents::new(&roomy).shortest(start, goal, &mut || false);
+                let most = way.map_or(f64::INFINITY, |way| way.length);
+                prop_assert!(driven <= most + 1e-6, "{} m, not {} m", driven, most);
                 judge(&world, &discs, &told[0])?;
             }
         }
