@@ -36,6 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut control = Control {
         stop: &mut || seconds > 0.0 && begin.elapsed().as_secs_f64() > seconds,
         nodes: u64::MAX,
+        searches: 0,
         expanded: 0,
     };
     let cost = |plans: &[Vec<Stop>]| -> f64 {

@@ -103,6 +103,7 @@ impl Planner for SafeIntervalTangents {
         let mut control = Control {
             stop: &mut || call.stop(),
             nodes: call.node_limit().unwrap_or(u64::MAX),
+            searches: 0,
             expanded: 0,
         };
         let mut best: Vec<Vec<Stop>> = Vec::new();
@@ -115,7 +116,7 @@ impl Planner for SafeIntervalTangents {
         });
         for (name, value) in [
             ("expansions", control.expanded),
-            ("nodes", figures.searches),
+            ("nodes", control.searches),
             ("ejections", figures.ejections),
             ("rounds", figures.rounds),
         ] {

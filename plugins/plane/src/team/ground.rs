@@ -23,6 +23,8 @@ const CLEARANCE: f64 = 1e-7;
 const SPACING: f64 = 2.5;
 /// Longest line to a bay, in that distance.
 const REACH: f64 = 3.1;
+/// Most lines from a place to bays, the shortest first.
+const MOST_LINES: usize = 40;
 /// Most places of the lattice.
 const MOST_BAYS: usize = 10_000;
 /// Bays round a start or a goal.
@@ -187,7 +189,7 @@ impl Ground {
 
     fn bays_from(&self, at: Vector) -> Vec<Line> {
         let turns = self.bends.len() as u32;
-        let mut lines = Vec::new();
+        let mut lines: Vec<Line> = Vec::new();
         self.bays
             .meeting(&Rectangle::around(at, at, self.reach), |bay| {
                 let to = turns + bay;
@@ -195,6 +197,9 @@ impl Ground {
                     lines.extend(self.line(at, to));
                 }
             });
+        // Beside many starts and goals there are many bays.
+        lines.sort_by(|a, b| a.length.total_cmp(&b.length).then(a.to.cmp(&b.to)));
+        lines.truncate(MOST_LINES);
         lines
     }
 

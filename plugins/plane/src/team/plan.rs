@@ -55,8 +55,6 @@ pub enum Outcome {
 /// Figures of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Figures {
-    /// Ways that were searched.
-    pub searches: u64,
     /// Discs that lost their ways to others before there was a plan.
     pub ejections: u64,
     /// Neighbourhoods that were planned anew.
@@ -317,6 +315,9 @@ impl<'a> Team<'a> {
         (hold, before, most): (f64, f64, u64),
         control: &mut Control<'_>,
     ) -> Option<Vec<Stop>> {
+        if !control.search() {
+            return None;
+        }
         let apart = self.apart(disc, who);
         let mut field = Field {
             ground: &mut self.grounds[self.ground_of[disc]].ground,
@@ -371,7 +372,6 @@ impl<'a> Team<'a> {
             else {
                 return false;
             };
-            figures.searches += 1;
             self.least[disc] = arrival(&stops);
             self.alone[disc] = stops;
         }
@@ -389,7 +389,6 @@ impl<'a> Team<'a> {
         let mut failures = vec![0.0_f64; self.discs.len()];
         let mut left = EJECTIONS * self.discs.len() as u64;
         while let Some(disc) = waiting.pop_front() {
-            figures.searches += 1;
             let most = SOON * self.grounds[self.ground_of[disc]].ground.len() as u64;
             // Who is planned first never waits for others, though it may have to: later attempts let some wait at random.
             let hold = if attempt > 0 && random.one_in(2) {
@@ -430,6 +429,9 @@ impl<'a> Team<'a> {
         failures: &[f64],
         control: &mut Control<'_>,
     ) -> Option<(Vec<Stop>, Vec<u32>)> {
+        if !control.search() {
+            return None;
+        }
         let movers = self.apart(disc, Who::Movers);
         let others = self.apart(disc, Who::Team);
         let plans = &self.plans;
@@ -480,7 +482,7 @@ impl<'a> Team<'a> {
                 break;
             };
             figures.rounds += 1;
-            news |= self.again(&members, control, figures);
+            news |= self.again(&members, control);
             since += 1;
             if news && since >= REPORT {
                 tell(&self.plans);
@@ -542,12 +544,7 @@ impl<'a> Team<'a> {
     }
 
     /// Plans discs anew, one after the other. True if that is cheaper; else all is as before.
-    fn again(
-        &mut self,
-        members: &[usize],
-        control: &mut Control<'_>,
-        figures: &mut Figures,
-    ) -> bool {
+    fn again(&mut self, members: &[usize], control: &mut Control<'_>) -> bool {
         let before: Vec<Vec<Stop>> = members
             .iter()
             .map(|disc| self.plans[*disc].clone())
@@ -559,7 +556,6 @@ impl<'a> Team<'a> {
         }
         let mut spent = 0.0;
         let cheaper = members.iter().all(|disc| {
-            figures.searches += 1;
             least -= self.least[*disc];
             let bound = sum - 1e-9 - spent - least;
             let most = SOON * self.grounds[self.ground_of[*disc]].ground.len() as u64;

@@ -22,21 +22,29 @@ use crate::timing::Stop;
 pub struct Control<'a> {
     /// Says when to stop. Asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
-    /// Expansions that are left.
+    /// Searches that are left.
     pub nodes: u64,
+    /// Searches so far.
+    pub searches: u64,
     /// Expansions so far.
     pub expanded: u64,
 }
 
 impl Control<'_> {
-    /// Counts an expansion. False when it is one too many.
-    fn expand(&mut self) -> bool {
-        if self.nodes == 0 || (self.stop)() {
+    /// Counts a search. False when it is one too many.
+    pub fn search(&mut self) -> bool {
+        if self.ended() {
             return false;
         }
         self.nodes -= 1;
-        self.expanded += 1;
+        self.searches += 1;
         true
+    }
+
+    /// Counts an expansion. False when it is time to stop.
+    fn expand(&mut self) -> bool {
+        self.expanded += 1;
+        !(self.stop)()
     }
 
     /// A limit was met.

@@ -34,12 +34,13 @@ fn planned(
     let mut control = Control {
         stop: &mut || false,
         nodes,
+        searches: 0,
         expanded: 0,
     };
     let (outcome, figures) = plan(world, discs, effort, &mut control, &mut |plans| {
         told.push(plans.to_vec());
     });
-    assert!(control.expanded <= nodes);
+    assert!(control.searches <= nodes);
     (outcome, figures, told)
 }
 
@@ -217,13 +218,13 @@ fn two_hundred_discs_find_their_ways() {
 #[test]
 fn limits_end_a_run() {
     let (world, discs) = (room(5.0, 5.0, Vec::new()), crowd(25, 5, 1.0));
-    let (outcome, _, told) = planned(&world, &discs, EFFORT, 3);
+    let (outcome, _, told) = planned(&world, &discs, EFFORT, 30);
     assert_eq!((outcome, told.len()), (Outcome::Stopped, 0));
     let effort = Effort {
         rounds: u64::MAX,
         ..EFFORT
     };
-    let (outcome, _, told) = planned(&world, &discs, effort, 20_000);
+    let (outcome, _, told) = planned(&world, &discs, effort, 2000);
     assert_eq!(outcome, Outcome::Solved);
     assert!(told.len() > 1);
     // With little memory there are few places to wait at.
