@@ -463,6 +463,8 @@ fn plugins_are_listed_and_described() {
             "ctc",
             "ccbs",
             "eccbs",
+            "roadmap-lns",
+            "roadmap-lacam",
             "plane-pp",
             "tangent",
             "si-tangent",

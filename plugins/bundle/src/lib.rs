@@ -9,7 +9,9 @@ use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_plane::plugin::safe_intervals::SafeIntervalTangents;
 use fleetyard_plugin_plane::plugin::shortest::ShortestTangents;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
-use fleetyard_plugin_roadmap::plugin::{Ccbs, Ctc, Eccbs, RoadmapPrioritised};
+use fleetyard_plugin_roadmap::plugin::{
+    Ccbs, Ctc, Eccbs, RoadmapLacam, RoadmapLns, RoadmapPrioritised,
+};
 use fleetyard_plugin_search::plugin as search;
 
 mod empty;
@@ -30,6 +32,8 @@ fleetyard_abi::export! {
         Ctc,
         Ccbs,
         Eccbs,
+        RoadmapLns,
+        RoadmapLacam,
         PlanePrioritised,
         ShortestTangents,
         SafeIntervalTangents,

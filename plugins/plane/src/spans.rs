@@ -47,6 +47,22 @@ impl Spans {
         }
     }
 
+    /// The same for times that grow from call to call: `at` is 0 at first, and says where the last one was.
+    pub fn first_outside_after(&self, time: f64, at: &mut usize) -> f64 {
+        // The next one is most often near.
+        let near = (*at + 4).min(self.0.len());
+        while *at < near && self.0[*at].high <= time {
+            *at += 1;
+        }
+        if *at == near {
+            *at += self.0[near..].partition_point(|span| span.high <= time);
+        }
+        match self.0.get(*at) {
+            Some(span) if span.low < time => span.high,
+            _ => time,
+        }
+    }
+
     /// Number of intervals that end before or at a time: the number of the safe interval that
     /// begins there or holds it.
     pub fn ended(&self, time: f64) -> usize {

@@ -25,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Begin::Repair
         },
         neighborhood: 8,
+        anytime: true,
         seed,
     };
     let case = support::Case::read(tasks.as_ref(), agents.parse()?)?;

@@ -26,76 +26,82 @@ pub struct Claim {
     pub disc: u32,
 }
 
-/// All claims to vertices and edges, in no order.
+/// The claims to a vertex or an edge.
+#[derive(Debug, Default)]
+struct Claimed {
+    /// All of them, in no order.
+    claims: Vec<Claim>,
+    /// The times of all of them, once somebody has asked.
+    times: OnceCell<Spans>,
+}
+
+impl Claimed {
+    fn times(&self) -> &Spans {
+        let all = || self.claims.iter().map(|claim| claim.span).collect();
+        self.times.get_or_init(all)
+    }
+
+    fn add(&mut self, span: Span, disc: u32) {
+        self.claims.push(Claim { span, disc });
+        if let Some(times) = self.times.get_mut() {
+            times.insert(span);
+        }
+    }
+
+    fn remove(&mut self, disc: u32) {
+        if let Some(at) = self.claims.iter().position(|claim| claim.disc == disc) {
+            self.claims.swap_remove(at);
+            self.times.take();
+        }
+    }
+}
+
+/// All claims.
 #[derive(Debug)]
 struct Claims {
-    vertices: Vec<Vec<Claim>>,
-    edges: Vec<Vec<Claim>>,
+    vertices: Vec<Claimed>,
+    edges: Vec<Claimed>,
     count: usize,
 }
 
 /// Adds the claims of a path.
 struct Adding<'c>(&'c mut Claims, u32);
 
-impl Adding<'_> {
-    fn add(count: &mut usize, claims: &mut Vec<Claim>, span: Span, disc: u32) {
-        if span.low < span.high {
-            claims.push(Claim { span, disc });
-            *count += 1;
-        }
-    }
-}
-
 impl Listener for Adding<'_> {
     fn vertex(&mut self, vertex: Vertex, span: Span) {
         let Self(claims, disc) = self;
-        Self::add(
-            &mut claims.count,
-            &mut claims.vertices[vertex as usize],
-            span,
-            *disc,
-        );
+        if span.low < span.high {
+            claims.vertices[vertex as usize].add(span, *disc);
+            claims.count += 1;
+        }
     }
 
     fn edge(&mut self, edge: Edge, span: Span) {
         let Self(claims, disc) = self;
-        Self::add(
-            &mut claims.count,
-            &mut claims.edges[edge as usize],
-            span,
-            *disc,
-        );
-    }
-}
-
-/// Takes the claims of a disc out where its path has some.
-struct Removing<'c>(&'c mut Claims, u32);
-
-impl Removing<'_> {
-    fn remove(count: &mut usize, claims: &mut Vec<Claim>, disc: u32) {
-        if let Some(at) = claims.iter().position(|claim| claim.disc == disc) {
-            claims.swap_remove(at);
-            *count -= 1;
+        if span.low < span.high {
+            claims.edges[edge as usize].add(span, *disc);
+            claims.count += 1;
         }
     }
 }
+
+/// Takes the claims of a path out.
+struct Removing<'c>(&'c mut Claims, u32);
 
 impl Listener for Removing<'_> {
     fn vertex(&mut self, vertex: Vertex, span: Span) {
         let Self(claims, disc) = self;
         if span.low < span.high {
-            Self::remove(
-                &mut claims.count,
-                &mut claims.vertices[vertex as usize],
-                *disc,
-            );
+            claims.vertices[vertex as usize].remove(*disc);
+            claims.count -= 1;
         }
     }
 
     fn edge(&mut self, edge: Edge, span: Span) {
         let Self(claims, disc) = self;
         if span.low < span.high {
-            Self::remove(&mut claims.count, &mut claims.edges[edge as usize], *disc);
+            claims.edges[edge as usize].remove(*disc);
+            claims.count -= 1;
         }
     }
 }
@@ -127,12 +133,17 @@ pub struct Crowd<'c> {
 impl<'c> Crowd<'c> {
     /// Of so many discs, none of which has a path.
     pub fn new(closeness: &'c Closeness, discs: usize, until: f64) -> Self {
+        let none = |count| {
+            std::iter::repeat_with(Claimed::default)
+                .take(count)
+                .collect()
+        };
         Self {
             until,
             paths: vec![Path::new(); discs],
             claims: Claims {
-                vertices: vec![Vec::new(); closeness.roadmap().vertices()],
-                edges: vec![Vec::new(); closeness.roadmap().edges()],
+                vertices: none(closeness.roadmap().vertices()),
+                edges: none(closeness.roadmap().edges()),
                 count: 0,
             },
             meetings: vec![Vec::new(); discs],
@@ -287,16 +298,32 @@ impl<'c> Crowd<'c> {
 
     /// The claims to a vertex, in no order.
     pub fn claims_to(&self, vertex: Vertex) -> &[Claim] {
-        &self.claims.vertices[vertex as usize]
+        &self.claims.vertices[vertex as usize].claims
     }
 
     /// The claims to an edge, in no order.
     pub fn claims_to_edge(&self, edge: Edge) -> &[Claim] {
-        &self.claims.edges[edge as usize]
+        &self.claims.edges[edge as usize].claims
     }
 }
 
-/// The times that searches need of a crowd, for the vertices and edges that they come to. Belongs to one search at a time.
+/// The times that all paths take from a disc that has none.
+impl Taken for Crowd<'_> {
+    fn vertex(&self, vertex: Vertex) -> &Spans {
+        self.claims.vertices[vertex as usize].times()
+    }
+
+    fn first_free(&self, edge: Edge, time: f64) -> f64 {
+        self.claims.edges[edge as usize].times().first_outside(time)
+    }
+
+    fn first_free_after(&self, edge: Edge, time: f64, at: &mut usize) -> f64 {
+        let times = self.claims.edges[edge as usize].times();
+        times.first_outside_after(time, at)
+    }
+}
+
+/// The times that some discs take from one, for the vertices and edges that they come to. Belongs to one search at a time.
 #[derive(Debug)]
 pub struct Scratch {
     vertices: Vec<OnceCell<Spans>>,

@@ -14,7 +14,7 @@ mod weights;
 use fleetyard_plugin_spacetime::random::Random;
 
 use crate::closeness::Closeness;
-use crate::crowd::{Crowd, Scratch};
+use crate::crowd::Crowd;
 use crate::plan::{Path, cost};
 use crate::sipp::{Search, Task};
 use fewest::Fewest;
@@ -26,6 +26,8 @@ pub struct Control<'a> {
     pub stop: &'a mut dyn FnMut() -> bool,
     /// Searches for first paths and neighbourhoods that are left to try.
     pub nodes: u64,
+    /// About how many bytes the paths of a team may take.
+    pub memory: u64,
 }
 
 impl Control<'_> {
@@ -46,7 +48,6 @@ pub struct Team<'a> {
     /// Seconds that each disc would need alone.
     alone: Vec<f64>,
     crowd: Crowd<'a>,
-    scratch: Scratch,
     search: Search,
     fewest: Fewest,
     random: Random,
@@ -69,7 +70,6 @@ impl<'a> Team<'a> {
             tasks,
             alone: tasks.iter().map(|task| task.alone(roadmap)).collect(),
             crowd: Crowd::new(closeness, tasks.len(), f64::INFINITY),
-            scratch: Scratch::new(closeness),
             search: Search::new(roadmap),
             fewest: Fewest::new(roadmap),
             random: Random::new(seed, 0),
@@ -78,8 +78,10 @@ impl<'a> Team<'a> {
         }
     }
 
-    /// Gives everybody a path.
+    /// Gives everybody a path in place of the one it has.
     pub fn adopt(&mut self, paths: Vec<Path>) {
+        let all: Vec<u32> = (0..self.tasks.len() as u32).collect();
+        self.take_out(&all);
         for (disc, path) in paths.into_iter().enumerate() {
             self.crowd.exchange(disc as u32, path);
         }

@@ -3,10 +3,12 @@
 //! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`OnRoadmap`] makes the plugin
 //! of it.
 
+mod anytime;
 mod conflict;
 mod ctc;
 mod pp;
 
+pub use anytime::{AnytimeOptions, LacamOptions, LnsOptions, RoadmapLacam, RoadmapLns};
 pub use conflict::{BoundedOptions, Ccbs, Eccbs, OptimalOptions};
 pub use ctc::{Ctc, Options as CtcOptions};
 pub use pp::{Options as PrioritisedOptions, RoadmapPrioritised};

@@ -158,4 +158,10 @@ impl Taken for Reservations {
         let time = self.held.first_free(edge, time, counts);
         self.edges[edge as usize].first_outside(time)
     }
+
+    fn first_free_after(&self, edge: Edge, time: f64, at: &mut usize) -> f64 {
+        let counts = |disc: u32| !self.released[disc as usize];
+        let time = self.held.first_free(edge, time, counts);
+        self.edges[edge as usize].first_outside_after(time, at)
+    }
 }

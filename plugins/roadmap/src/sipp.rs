@@ -23,6 +23,12 @@ pub trait Taken {
 
     /// The first time from `time` on at which the disc may set out on an edge.
     fn first_free(&self, edge: Edge, time: f64) -> f64;
+
+    /// The same for times that grow from call to call: `at` is 0 at first, and belongs to whoever answers.
+    fn first_free_after(&self, edge: Edge, time: f64, at: &mut usize) -> f64 {
+        let _ = at;
+        self.first_free(edge, time)
+    }
 }
 
 /// Result of a search.
@@ -250,14 +256,19 @@ impl Search {
             let arrived_by = if roadmap.is_driven() { last } else { NONE };
             let estimate = task.rest.after(roadmap, met, target, arrived_by);
             let there = taken.vertex(target);
-            let mut interval = there.ended(begin + duration);
+            let (mut interval, mut at_edge) = (there.ended(begin + duration), 0);
             while estimate.is_finite() && interval <= there.as_slice().len() {
                 let at = there.safe(interval);
                 if at.low - duration > safe.high {
                     break;
                 }
                 // The arrival is what counts: a departure that is rounded must not lie in the interval before.
-                let earliest = free_from(taken, &drive, begin.max(at.low - duration));
+                let earliest = match drive.as_slice() {
+                    [(edge, _)] => {
+                        taken.first_free_after(*edge, begin.max(at.low - duration), &mut at_edge)
+                    }
+                    drive => free_from(taken, drive, begin.max(at.low - duration)),
+                };
                 if earliest > safe.high || earliest == f64::INFINITY {
                     break;
                 }

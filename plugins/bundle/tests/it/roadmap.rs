@@ -3,6 +3,7 @@
 // Ends of intervals are copied, not worked out anew.
 #![allow(clippy::float_cmp)]
 
+mod anytime;
 mod conflict;
 mod ctc;
 mod support;

@@ -42,7 +42,7 @@ pub struct Generator<'a> {
     /// Discs in the order in which they were decided about.
     trail: Vec<u32>,
     patience: u32,
-    /// Cost of staying a step away from the goal, in seconds: of a drive of middling length.
+    /// Cost of staying a step away from the goal, in seconds: of half a drive of middling length.
     wait: f64,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Generator<'a> {
             edges: vec![NONE; tasks.len()],
             trail: Vec::new(),
             patience: 0,
-            wait: durations.sum::<f64>() / roadmap.edges().max(1) as f64,
+            wait: 0.5 * durations.sum::<f64>() / roadmap.edges().max(1) as f64,
             closeness,
             tasks,
         }

@@ -8,7 +8,6 @@
 use super::members::by_weight;
 use super::weights::Weights;
 use super::{Control, Team};
-use crate::crowd::Others;
 use crate::plan::cost;
 use crate::sipp::Found;
 
@@ -76,9 +75,9 @@ impl Team<'_> {
         let better = members.iter().all(|disc| {
             least -= self.alone[*disc as usize];
             self.search.most = left - least;
-            let others = Others::new(&self.crowd, &mut self.scratch, *disc, |_| true);
             let task = &self.tasks[*disc as usize];
-            let Found::Path(path) = self.search.find(roadmap, &others, task, control.stop) else {
+            let Found::Path(path) = self.search.find(roadmap, &self.crowd, task, control.stop)
+            else {
                 return false;
             };
             left -= cost(&path);

@@ -10,7 +10,6 @@ use fleetyard_plugin_plane::orders::longest_first;
 use super::members::by_weight;
 use super::weights::Weights;
 use super::{Control, Team};
-use crate::crowd::Others;
 use crate::sipp::Found;
 
 /// Rate at which the weights of the ways to choose follow success, as in the paper.
@@ -50,7 +49,9 @@ impl Team<'_> {
         };
         let order = longest_first(&self.alone);
         let mut planned = order.into_iter();
-        if planned.any(|disc| control.spend() || !self.plan_first(disc, control)) {
+        if planned.any(|disc| {
+            control.spend() || self.bytes() > control.memory || !self.plan_first(disc, control)
+        }) {
             return repaired;
         }
         repaired.pairs_at_first = self.pairs();
@@ -68,9 +69,8 @@ impl Team<'_> {
     /// The earliest path that keeps out of the way of all others, or the one that meets the fewest.
     fn plan_first(&mut self, disc: u32, control: &mut Control<'_>) -> bool {
         let (roadmap, task) = (self.closeness.roadmap(), &self.tasks[disc as usize]);
-        let others = Others::new(&self.crowd, &mut self.scratch, disc, |_| true);
         self.search.most = f64::INFINITY;
-        match self.search.find(roadmap, &others, task, control.stop) {
+        match self.search.find(roadmap, &self.crowd, task, control.stop) {
             Found::Path(path) => {
                 self.crowd.exchange(disc, path);
                 true
