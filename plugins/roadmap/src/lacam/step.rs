@@ -50,7 +50,6 @@ impl<'a> Generator<'a> {
     /// For discs that go to the goals where they stay.
     pub fn new(closeness: &'a Closeness, tasks: &'a [Task<'a>]) -> Self {
         let roadmap = closeness.roadmap();
-        let durations = (0..roadmap.edges() as Edge).map(|edge| roadmap.duration(edge));
         Self {
             clashes: vec![OnceCell::new(); roadmap.edges()],
             at: vec![NONE; roadmap.vertices()],
@@ -60,7 +59,7 @@ impl<'a> Generator<'a> {
             edges: vec![NONE; tasks.len()],
             trail: Vec::new(),
             patience: 0,
-            wait: 0.5 * durations.sum::<f64>() / roadmap.edges().max(1) as f64,
+            wait: 0.5 * roadmap.mean_duration(),
             closeness,
             tasks,
         }
