@@ -1,4 +1,5 @@
-//! Plans for the first N discs of a file of tasks on a roadmap: `ctc TASKS N [ORDERS [SEED [SECONDS]]]`; no orders: priorities alone.
+//! Plans for the first N discs of a file of tasks on a roadmap: `ctc TASKS N [ORDERS [SEED [SECONDS [REPEATS]]]]`; no orders:
+//! priorities alone. Repeats know what is close on the roadmap from before.
 
 #[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
@@ -16,7 +17,7 @@ use fleetyard_plugin_spacetime::order::Prefer;
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [tasks, agents, rest @ ..] = words.as_slice() else {
-        return Err("ctc TASKS N [ORDERS [SEED [SECONDS]]]".into());
+        return Err("ctc TASKS N [ORDERS [SEED [SECONDS [REPEATS]]]]".into());
     };
     let number = |at: usize, default| rest.get(at).map_or(Ok(default), |word| word.parse());
     let settings = Settings {
@@ -26,36 +27,38 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let limit = Duration::from_secs(number(2, 10)?);
     let case = support::Case::read(tasks.as_ref(), agents.parse()?)?;
-    let begin = Instant::now();
     let closeness = Closeness::new(case.roadmap.clone());
-    let mut control = Control {
-        stop: &mut || begin.elapsed() > limit,
-        nodes: u64::MAX,
-        memory: 1 << 30,
-    };
     let discs = support::discs(&case.tasks);
     let team = (discs.as_slice(), f64::INFINITY);
-    let outcome = plan(
-        &closeness,
-        &mut Known::default(),
-        team,
-        settings,
-        &mut control,
-        &mut |paths| {
-            let seconds = begin.elapsed().as_secs_f64();
-            print!("{:.3} after {seconds:.4} s; ", sum_of_costs(paths));
-        },
-    );
-    let seconds = begin.elapsed().as_secs_f64();
-    let (orders, nodes, expanded) = (outcome.orders, outcome.nodes, outcome.expanded);
-    let work = format!("orders {orders} nodes {nodes} expanded {expanded} seconds {seconds:.4}");
-    match outcome.end {
-        Ended::Tried(End::Solved(paths)) => {
-            let cost = sum_of_costs(&paths);
-            let apart = support::least_distance(&case.roadmap, &paths);
-            println!("cost {cost:.3} {work} least distance {apart:.9}");
+    for _ in 0..number(3, 1)? {
+        let begin = Instant::now();
+        let mut control = Control {
+            stop: &mut || begin.elapsed() > limit,
+            nodes: u64::MAX,
+            memory: 1 << 30,
+        };
+        let outcome = plan(
+            &closeness,
+            &mut Known::default(),
+            team,
+            settings,
+            &mut control,
+            &mut |paths| {
+                let seconds = begin.elapsed().as_secs_f64();
+                print!("{:.3} after {seconds:.4} s; ", sum_of_costs(paths));
+            },
+        );
+        let seconds = begin.elapsed().as_secs_f64();
+        let (orders, nodes, expanded) = (outcome.orders, outcome.nodes, outcome.expanded);
+        let work =
+            format!("orders {orders} nodes {nodes} expanded {expanded} seconds {seconds:.4}");
+        match outcome.end {
+            Ended::Tried(End::Solved(paths)) => {
+                let apart = support::least_distance(&case.roadmap, &paths);
+                println!("{work} least distance {apart:.9}");
+            }
+            other => println!("{other:?} {work}"),
         }
-        other => println!("{other:?} {work}"),
     }
     Ok(())
 }
