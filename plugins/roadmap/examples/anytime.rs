@@ -1,4 +1,5 @@
-//! Plans for the first N discs of a file of tasks on a roadmap, and makes plans shorter: `anytime lns|lacam TASKS N [SECONDS [SEED]]`.
+//! Plans for the first N discs of a file of tasks on a roadmap, and makes plans shorter: `anytime METHOD TASKS N [SECONDS [SEED]]`, where
+//! the method is `lns` or `lacam`, or either with `-first` for the first plan alone.
 
 #[path = "../../bundle/tests/it/roadmap/support.rs"]
 mod support;
@@ -14,18 +15,18 @@ use fleetyard_plugin_roadmap::rest::Known;
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [method, tasks, agents, rest @ ..] = words.as_slice() else {
-        return Err("anytime lns|lacam TASKS N [SECONDS [SEED]]".into());
+        return Err("anytime METHOD TASKS N [SECONDS [SEED]]".into());
     };
     let seconds: f64 = rest.first().map_or(Ok(10.0), |word| word.parse())?;
     let seed = rest.get(1).map_or(Ok(1), |word| word.parse())?;
     let settings = Settings {
-        begin: if method == "lacam" {
+        begin: if method.starts_with("lacam") {
             Begin::Steps
         } else {
             Begin::Repair
         },
         neighborhood: 8,
-        anytime: true,
+        anytime: !method.ends_with("-first"),
         seed,
     };
     let case = support::Case::read(tasks.as_ref(), agents.parse()?)?;

@@ -115,6 +115,18 @@ struct Entry {
     estimate: f64,
     arrival: f64,
     node: u32,
+    /// A state by an edge from the node that has yet to be reached, no earlier than that.
+    later: Option<Later>,
+}
+
+/// The states at the end of an edge come one at a time: most are later than anybody needs.
+#[derive(Clone, Copy, PartialEq)]
+struct Later {
+    edge: Edge,
+    /// The safe interval of the edge's target to go on with.
+    interval: u32,
+    /// The arrival at the node when it was expanded.
+    since: f64,
 }
 
 impl Eq for Entry {}
@@ -131,6 +143,10 @@ impl Ord for Entry {
         least
             .then(self.arrival.total_cmp(&other.arrival))
             .then(other.node.cmp(&self.node))
+            .then_with(|| {
+                let edge = |entry: &Self| entry.later.map(|later| later.edge);
+                edge(other).cmp(&edge(self))
+            })
     }
 }
 
@@ -196,19 +212,45 @@ impl Search {
         };
         let turn = |line| task.direction.map_or(0.0, |from| roadmap.turn(from, line));
         self.reach(first, rest.from(roadmap, met, start, turn), &mut open);
-        while let Some(Entry { arrival, node, .. }) = open.pop() {
+        let mut taken_up = 0_u64;
+        while let Some(Entry {
+            arrival,
+            node,
+            later,
+            ..
+        }) = open.pop()
+        {
+            taken_up += 1;
+            if taken_up.is_multiple_of(PATIENCE) && stop() {
+                return Found::Stopped;
+            }
             let from = self.nodes[node as usize];
+            if let Some(later) = later {
+                if later.since <= from.arrival {
+                    self.go_on(roadmap, taken, task, (node, later), &mut open);
+                }
+                continue;
+            }
             if arrival > from.arrival {
                 continue;
             }
             self.expanded += 1;
-            if self.expanded.is_multiple_of(PATIENCE) && stop() {
-                return Found::Stopped;
-            }
             let safe = taken.vertex(from.vertex).safe(from.key.interval as usize);
             let is_over = rest.is_over(from.key.met as usize, from.vertex);
             if from.arrival >= task.until || is_over && safe.high >= task.until {
                 return Found::Path(self.path(roadmap, node));
+            }
+            if !roadmap.is_driven() {
+                for edge in roadmap.leaving(from.vertex) {
+                    let there = taken.vertex(roadmap.target(edge));
+                    let first = Later {
+                        edge,
+                        interval: there.ended(from.arrival + roadmap.duration(edge)) as u32,
+                        since: from.arrival,
+                    };
+                    self.go_on(roadmap, taken, task, (node, first), &mut open);
+                }
+                continue;
             }
             for line in roadmap.lines(from.vertex) {
                 let turn = if node == 0 {
@@ -229,6 +271,73 @@ impl Search {
             }
         }
         Found::None
+    }
+
+    /// Reaches the next state by an edge where nobody needs time to speed up, and puts those after it off.
+    fn go_on(
+        &mut self,
+        roadmap: &Roadmap,
+        taken: &impl Taken,
+        task: &Task<'_>,
+        (node, later): (u32, Later),
+        open: &mut BinaryHeap<Entry>,
+    ) {
+        let from = self.nodes[node as usize];
+        let leaves_by = taken
+            .vertex(from.vertex)
+            .safe(from.key.interval as usize)
+            .high;
+        let (target, duration) = (roadmap.target(later.edge), roadmap.duration(later.edge));
+        let met = task.rest.met(from.key.met as usize, target);
+        let rest = task.rest.after(roadmap, met, target, NONE);
+        let (there, mut at_edge) = (taken.vertex(target), 0);
+        let mut is_reached = false;
+        for interval in later.interval as usize..=there.as_slice().len() {
+            let at = there.safe(interval);
+            if at.low - duration > leaves_by {
+                return;
+            }
+            if is_reached {
+                if at.low + rest <= self.most {
+                    open.push(Entry {
+                        estimate: at.low + rest,
+                        arrival: at.low,
+                        node,
+                        later: Some(Later {
+                            interval: interval as u32,
+                            ..later
+                        }),
+                    });
+                }
+                return;
+            }
+            // The arrival is what counts: a departure that is rounded must not lie in the interval before.
+            let ready = from.arrival.max(at.low - duration);
+            let earliest = taken.first_free_after(later.edge, ready, &mut at_edge);
+            if earliest > leaves_by || earliest == f64::INFINITY {
+                return;
+            }
+            let arrival = (earliest + duration).max(at.low);
+            if arrival <= at.high {
+                let reached = Node {
+                    vertex: target,
+                    key: Key {
+                        interval: interval as u32,
+                        met: met as u32,
+                        line: NONE,
+                    },
+                    arrival,
+                    parent: node,
+                    set_out: earliest,
+                    drive: (later.edge, 1),
+                };
+                self.reach(reached, rest, open);
+                is_reached = rest < f64::INFINITY;
+                if !is_reached {
+                    return;
+                }
+            }
+        }
     }
 
     /// Reaches what a state leads to by drives from rest to rest that begin with a line, not before a time.
@@ -333,6 +442,7 @@ impl Search {
             estimate: reached.arrival + rest,
             arrival: reached.arrival,
             node,
+            later: None,
         });
     }
 
