@@ -662,15 +662,21 @@ fn parts_of_a_map_without_a_way_between_them_are_no_trouble() {
 }
 
 /// Arguments of AGVs in a warehouse whose planner plans in continuous time.
-const IN_TIME: &str = "--agents 12 --duration 40s --limit 1s --planner roadmap-pp --generator windowed-multi-goals \
+const IN_TIME: &str = "--agents 12 --duration 40s --limit 1s --generator windowed-multi-goals \
                        --invocation periodic --fail-policy pibt";
 
 #[test]
 fn planners_in_continuous_time_drive_the_same_fleet() {
-    for motion in ["stop-go", "slower"] {
+    let each = [
+        ("roadmap-pp", "stop-go"),
+        ("roadmap-pp", "slower"),
+        ("ctc", "slower"),
+    ];
+    for (planner, motion) in each {
         let yard = Yard::new();
         let warehouse = map("warehouse-4-6-6-2-1.map");
-        let arguments = format!("--map {warehouse} {IN_TIME} --motion {motion} --nodes 20");
+        let arguments =
+            format!("--map {warehouse} {IN_TIME} --planner {planner} --motion {motion} --nodes 20");
         let recorded = run(&format!("{arguments} --record run.jsonl"));
         let outcome = yard.run(&recorded).expect(SUCCESS).json();
         assert_eq!(outcome["execution"]["contacts"], 0, "{motion}");

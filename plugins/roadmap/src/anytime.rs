@@ -15,8 +15,8 @@ use crate::sipp::Task;
 
 /// Telling of a plan costs about as much as expanding so many states per visit.
 const REPORT: u64 = 2;
-/// Searches and repairs per disc for another plan when there is one of steps.
-const NODES: u64 = 4;
+/// Searches and neighbourhoods per disc for another plan when there is one of steps.
+const NODES: u64 = 10;
 /// Costs closer to a lower bound differ by rounding, as a share of it.
 const ROUNDING: f64 = 1e-9;
 
@@ -46,7 +46,7 @@ pub struct Settings {
 pub struct Control<'a> {
     /// True once the budget is spent; asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
-    /// Configurations, searches for first paths and neighbourhoods that may be tried.
+    /// Configurations, neighbourhoods, and searches for the path of one disc that may be tried.
     pub nodes: u64,
     /// About how many bytes the search may hold beside the roadmap.
     pub memory: u64,
@@ -207,7 +207,11 @@ impl Run<'_, '_> {
         self.work.pairs_at_first = repaired.pairs_at_first as u64;
         self.work.repairs = repaired.neighborhoods;
         match first {
-            Some(_) if (self.control.stop)() => End::Solved,
+            // There is neither time nor room for the paths that are to be improved.
+            Some(_) if (self.control.stop)() || team.bytes() > self.control.memory => {
+                self.control.nodes = 0;
+                End::Solved
+            }
             Some(first) if !repaired.valid || team.cost() >= sum_of_costs(&first) => {
                 team.adopt(first);
                 End::Solved
@@ -229,11 +233,16 @@ impl Run<'_, '_> {
         let (mut told, mut gained) = (team.expanded(), 0.0);
         while team.cost() > least {
             let mut limits = self.limits();
-            if limits.spend() {
+            let left = limits.nodes;
+            let is_over = limits.spend();
+            if !is_over {
+                gained += team.improve(&mut ways, &mut limits);
+            }
+            let spent = left - limits.nodes;
+            self.spent(spent);
+            if is_over {
                 break;
             }
-            gained += team.improve(&mut ways, &mut limits);
-            self.spent(1);
             if gained > 0.0 && team.expanded() - told > REPORT * visits as u64 {
                 self.tell(team.paths());
                 (told, gained) = (team.expanded(), 0.0);

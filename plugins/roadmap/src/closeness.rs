@@ -16,11 +16,16 @@ use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 /// to be one that only touches for whoever judges it.
 const MARGIN: f64 = 1e-9;
 
+/// Ends of spans of edges are rounded by at most this share of the longest drive, or by so many seconds where motions are nearly
+/// parallel.
+const ROUNDING: (f64, f64) = (1e-6, 1e-5);
+
 /// The edges and vertices of a roadmap that are close to each other.
 #[derive(Debug)]
 pub struct Closeness {
     roadmap: Roadmap,
     distance: f64,
+    rounding: f64,
     /// Edges that are not the twin of an earlier one, in boxes.
     tracks: Bins,
     edge_of_track: Vec<Edge>,
@@ -89,6 +94,9 @@ impl Closeness {
             let ends = [roadmap.source(*edge), roadmap.target(*edge)].map(|end| roadmap.place(end));
             Rectangle::around(ends[0], ends[1], 0.0)
         };
+        let durations = (0..roadmap.edges() as Edge).map(|edge| roadmap.duration(edge));
+        let (share, least) = ROUNDING;
+        let rounding = least.max(share * durations.fold(0.0, f64::max));
         let places = (0..roadmap.vertices() as Vertex).map(|vertex| roadmap.place(vertex));
         let boxes = places.map(|place| Rectangle::around(place, place, distance / 2.0));
         Self {
@@ -103,6 +111,7 @@ impl Closeness {
             beside_vertices: (0..roadmap.vertices()).map(|_| OnceCell::new()).collect(),
             roadmap,
             distance,
+            rounding,
             edge_of_track,
             track_of_edge,
         }
@@ -116,6 +125,11 @@ impl Closeness {
     /// Centres that are closer than this, in metres, are too close.
     pub fn distance(&self) -> f64 {
         self.distance
+    }
+
+    /// Seconds by which the ends of spans of edges may be off, outwards.
+    pub fn rounding(&self) -> f64 {
+        self.rounding
     }
 
     /// Works out all pairs of edges, each once.

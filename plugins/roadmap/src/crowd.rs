@@ -14,9 +14,6 @@ use crate::reservation::{Held, Listener, tell};
 use crate::roadmap::{Edge, NONE, Vertex};
 use crate::sipp::Taken;
 
-/// Spans of so many seconds may be of rounding: whether two discs meet is then asked of their places.
-const DOUBT: f64 = 1e-4;
-
 /// A time that the path of a disc takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Claim {
@@ -268,9 +265,10 @@ impl<'c> Crowd<'c> {
             }
             same
         });
-        // Ends of spans are rounded outwards: who keeps out of another one's spans may seem to be in its own.
+        // Who keeps out of another one's spans may seem to be in its own by rounding: then places decide.
+        let doubt = 10.0 * self.closeness.rounding();
         let real = |(meeting, depth): &(Meeting, f64)| {
-            *depth > DOUBT || self.are_too_close(path, self.path(meeting.disc))
+            *depth > doubt || self.are_too_close(path, self.path(meeting.disc))
         };
         all.retain(real);
         all.into_iter().map(|(meeting, _)| meeting).collect()

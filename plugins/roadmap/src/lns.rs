@@ -24,7 +24,7 @@ use members::Members;
 pub struct Control<'a> {
     /// True once the budget is spent; asked often.
     pub stop: &'a mut dyn FnMut() -> bool,
-    /// Searches for first paths and neighbourhoods that are left to try.
+    /// Neighbourhoods, and searches for the path of one disc, that are left to try.
     pub nodes: u64,
     /// About how many bytes the paths of a team may take.
     pub memory: u64,

@@ -10,9 +10,6 @@ use crate::closeness::Closeness;
 use crate::roadmap::{Edge, NONE, Vertex};
 use crate::sipp::Task;
 
-/// Seconds by which motions have to miss each other: ends of spans are rounded.
-const ROUNDING: f64 = 1e-5;
-
 /// Discs that may be pushed for the sake of one.
 const PATIENCE: u32 = 64;
 
@@ -184,19 +181,21 @@ impl<'a> Generator<'a> {
     fn clashing(&self, edge: Edge) -> &[Edge] {
         self.clashes[edge as usize].get_or_init(|| {
             let (roadmap, closeness) = (self.closeness.roadmap(), self.closeness);
+            // Motions have to miss each other by so many seconds, seen from either.
+            let rounding = closeness.rounding();
             let here = closeness.edges_of_edge(edge);
-            let at_once = here.filter(|(_, later)| later.low < ROUNDING && later.high > -ROUNDING);
+            let at_once = here.filter(|(_, later)| later.low < rounding && later.high > -rounding);
             // Who arrives first stands there until the other has arrived.
             let early = |first: Edge, other: Edge| {
                 let mut near = closeness.vertices_of_edge(other);
                 near.any(|(vertex, near)| {
                     vertex == roadmap.target(first)
-                        && near.high > roadmap.duration(first) - ROUNDING
+                        && near.high > roadmap.duration(first) - rounding
                 })
             };
             let near = closeness.edges_of_vertex(roadmap.target(edge)).iter();
             let parked = near
-                .filter(|(_, near)| near.high > roadmap.duration(edge) - ROUNDING)
+                .filter(|(_, near)| near.high > roadmap.duration(edge) - rounding)
                 .map(|(other, _)| *other);
             let near = closeness.vertices_of_edge(edge);
             let passed = near.flat_map(|(vertex, _)| {

@@ -73,6 +73,9 @@ impl Team<'_> {
         let old = self.take_out(&members);
         self.random.shuffle(&mut members);
         let better = members.iter().all(|disc| {
+            if control.spend() {
+                return false;
+            }
             least -= self.alone[*disc as usize];
             self.search.most = left - least;
             let task = &self.tasks[*disc as usize];

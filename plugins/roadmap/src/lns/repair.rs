@@ -97,9 +97,9 @@ impl Team<'_> {
         let before = self.pairs();
         let old = self.take_out(&members);
         self.random.shuffle(&mut members);
-        let better = members
-            .iter()
-            .all(|disc| self.plan_fewest(*disc, control) && self.pairs() <= before);
+        let better = members.iter().all(|disc| {
+            !control.spend() && self.plan_fewest(*disc, control) && self.pairs() <= before
+        });
         if !better {
             self.take_out(&members);
             self.restore(old);

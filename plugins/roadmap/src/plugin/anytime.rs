@@ -54,8 +54,8 @@ impl Method for LnsOptions {
          the plan (MAPF-LNS: the same, IJCAI 2021). Neither complete nor optimal.";
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
-    fn solve(&self, team: Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
-        solve(Begin::Repair, &self.0, team, call)
+    fn solve(&self, mut team: Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        solve(Begin::Repair, &self.0, &mut team, call)
     }
 }
 
@@ -69,15 +69,15 @@ impl Method for LacamOptions {
          time; not optimal.";
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
-    fn solve(&self, team: Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
-        solve(Begin::Steps, &self.0, team, call)
+    fn solve(&self, mut team: Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        solve(Begin::Steps, &self.0, &mut team, call)
     }
 }
 
 fn solve(
     begin: Begin,
     options: &AnytimeOptions,
-    team: Team<'_>,
+    team: &mut Team<'_>,
     call: &Call<'_>,
 ) -> Result<(), Failure> {
     if team.until.is_finite() || team.discs.iter().any(|disc| disc.goals.len() != 1) {
