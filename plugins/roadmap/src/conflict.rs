@@ -16,9 +16,11 @@
 mod clash;
 mod constraint;
 mod cover;
+mod focal;
 mod low;
 mod path;
 mod queue;
+mod traffic;
 mod tree;
 
 use schemars::JsonSchema;
@@ -184,7 +186,7 @@ fn outcome(
         expanded: tree.expanded,
         generated: tree.generated,
         bypassed: tree.bypassed,
-        low_level: tools.low.expanded,
+        low_level: tools.low.expanded + tools.focal.expanded,
     }
 }
 

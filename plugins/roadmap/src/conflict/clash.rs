@@ -55,6 +55,16 @@ impl Clash {
         matches!(self, Self::Rest { stay, .. } if stay.high == f64::INFINITY)
     }
 
+    /// The time at which it begins, nearly.
+    pub(super) fn time(&self) -> f64 {
+        match self {
+            Self::Moves { starts, .. } => starts[0].max(starts[1]),
+            Self::Rest {
+                stay, start, near, ..
+            } => stay.low.max(start + near.low),
+        }
+    }
+
     /// Constraints of which the first or the second agent has to keep its own, so that this does not happen again. But for the
     /// original branching, no two paths without a conflict are forbidden by both.
     pub(super) fn split(&self, agents: [u32; 2], branching: Branching) -> [Constraint; 2] {
@@ -158,7 +168,7 @@ pub(super) fn weighed(team: &Team<'_>, tracks: [&Track; 2], branching: Branching
 
 impl Team<'_> {
     /// True if two agents come too close in two segments, at least one of which is a drive.
-    fn are_close(&self, x: &Segment, y: &Segment) -> bool {
+    pub(super) fn are_close(&self, x: &Segment, y: &Segment) -> bool {
         let (from, to) = (x.from.max(y.from), x.to.min(y.to));
         if from >= to || x.is_rest() && y.is_rest() {
             return false;
@@ -171,6 +181,20 @@ impl Team<'_> {
             0.0
         };
         (apart + drift * nearest).norm_squared() < self.distance * self.distance
+    }
+
+    /// The time at which a drive may begin that comes too close to a segment of another agent, so that this one is gone.
+    pub(super) fn clear_of(&self, drive: &Segment, other: &Segment) -> f64 {
+        let motion = self.closeness.roadmap().motion(drive.edge);
+        let clear = if other.is_rest() {
+            let near = motion.near(other.place, self.distance);
+            near.map(|near| other.to - near.low)
+        } else {
+            let other_motion = self.closeness.roadmap().motion(other.edge);
+            let overlap = motion.overlap(&other_motion, self.distance);
+            overlap.map(|overlap| other.from - overlap.forward.low)
+        };
+        clear.unwrap_or(drive.from)
     }
 
     /// True if an agent comes too close to a vertex after a time.

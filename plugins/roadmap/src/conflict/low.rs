@@ -14,7 +14,7 @@ use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 const PATIENCE: u64 = 1024;
 
 /// The interval of a state at the goal from which nobody leaves again.
-const FINAL: u32 = u32::MAX;
+pub(super) const FINAL: u32 = u32::MAX;
 
 /// A search was told to stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -217,19 +217,14 @@ impl Low {
 
     /// Keeps a state if it is reached for the first time, or earlier than before.
     fn reach(&mut self, roadmap: &Roadmap, bans: &Bans, query: &Query<'_>, reached: State) {
-        let mut way = reached.arrival + query.times[reached.vertex as usize];
-        for (number, landmark) in bans.landmarks.iter().enumerate() {
-            if reached.met >> number & 1 != 0 {
-                continue;
-            }
-            let there = reached.arrival + landmark.times[reached.vertex as usize];
-            if there >= landmark.until || reached.interval == FINAL {
-                return;
-            }
-            let onward = roadmap.duration(landmark.edge);
-            let target = roadmap.target(landmark.edge) as usize;
-            way = way.max(there.max(landmark.from) + onward + query.times[target]);
-        }
+        let State {
+            vertex,
+            interval,
+            met,
+            arrival,
+            ..
+        } = reached;
+        let mut way = way(roadmap, bans, query, (vertex, interval, met, arrival));
         let estimate = way.max(bans.least);
         if estimate >= bans.most || way == f64::INFINITY {
             return;
@@ -286,8 +281,32 @@ impl Low {
     }
 }
 
+/// The earliest arrival at the goal from a vertex's interval with landmarks that are met, from a time on, as far as the shortest
+/// ways tell; infinite where a landmark is missed.
+pub(super) fn way(
+    roadmap: &Roadmap,
+    bans: &Bans,
+    query: &Query<'_>,
+    (vertex, interval, met, arrival): (Vertex, u32, u64, f64),
+) -> f64 {
+    let mut way = arrival + query.times[vertex as usize];
+    for (number, landmark) in bans.landmarks.iter().enumerate() {
+        if met >> number & 1 != 0 {
+            continue;
+        }
+        let there = arrival + landmark.times[vertex as usize];
+        if there >= landmark.until || interval == FINAL {
+            return f64::INFINITY;
+        }
+        let target = roadmap.target(landmark.edge) as usize;
+        let onward = roadmap.duration(landmark.edge) + query.times[target];
+        way = way.max(there.max(landmark.from) + onward);
+    }
+    way
+}
+
 /// The landmarks that are met with one start more.
-fn met(bans: &Bans, before: u64, edge: Edge, departure: f64) -> u64 {
+pub(super) fn met(bans: &Bans, before: u64, edge: Edge, departure: f64) -> u64 {
     let landmarks = bans.landmarks.iter().enumerate();
     let now = landmarks.filter(|(_, landmark)| {
         landmark.edge == edge && landmark.from <= departure && departure < landmark.until

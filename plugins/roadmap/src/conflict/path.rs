@@ -112,6 +112,18 @@ pub(super) struct Segment {
 }
 
 impl Segment {
+    /// A rest at a vertex.
+    pub(super) fn rest(roadmap: &Roadmap, vertex: Vertex, from: f64, to: f64) -> Self {
+        Self {
+            from,
+            to,
+            place: roadmap.place(vertex),
+            velocity: Vector::zeros(),
+            edge: NONE,
+            vertex,
+        }
+    }
+
     /// True where the agent rests.
     pub(super) fn is_rest(&self) -> bool {
         self.edge == NONE
@@ -131,20 +143,11 @@ impl Track {
     /// Makes it the track of a path.
     pub(super) fn fill(&mut self, roadmap: &Roadmap, path: &Single) {
         self.0.clear();
-        let rest = |vertex: Vertex, from: f64, to: f64, all: &mut Vec<Segment>| {
-            all.push(Segment {
-                from,
-                to,
-                place: roadmap.place(vertex),
-                velocity: Vector::zeros(),
-                edge: NONE,
-                vertex,
-            });
-        };
         for hop in path.hops(roadmap) {
             let vertex = roadmap.source(hop.edge);
             if hop.departure > hop.arrival {
-                rest(vertex, hop.arrival, hop.departure, &mut self.0);
+                let rest = Segment::rest(roadmap, vertex, hop.arrival, hop.departure);
+                self.0.push(rest);
             }
             let duration = roadmap.duration(hop.edge);
             let place = roadmap.place(vertex);
@@ -157,6 +160,8 @@ impl Track {
                 vertex,
             });
         }
-        rest(path.goal(roadmap), path.cost, f64::INFINITY, &mut self.0);
+        let goal = path.goal(roadmap);
+        self.0
+            .push(Segment::rest(roadmap, goal, path.cost, f64::INFINITY));
     }
 }

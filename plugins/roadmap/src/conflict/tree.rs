@@ -6,6 +6,7 @@ use std::rc::Rc;
 use super::clash::{Clash, weighed};
 use super::constraint::{Bans, Constraint, MOST_LANDMARKS, Place};
 use super::cover::cover;
+use super::focal::Focal;
 use super::low::{Low, Query, Stopped};
 use super::path::{Single, Track};
 use super::queue::{Queue, Rank};
@@ -23,6 +24,7 @@ const PAIR_LIMIT: u64 = 64;
 pub(super) struct Tools {
     bans: Bans,
     pub(super) low: Low,
+    pub(super) focal: Focal,
 }
 
 impl Tools {
@@ -30,6 +32,7 @@ impl Tools {
         Self {
             bans: Bans::new(roadmap),
             low: Low::new(roadmap),
+            focal: Focal::new(roadmap),
         }
     }
 }
@@ -79,6 +82,8 @@ pub(super) struct Tree {
     base: Vec<Constraint>,
     nodes: Vec<Node>,
     queue: Queue,
+    /// Paths may arrive later than the earliest ones by this factor.
+    weight: f64,
     bytes: usize,
     /// Paths and tracks of the node that was loaded last, by the number of the member.
     loaded: Vec<Option<Rc<Single>>>,
@@ -98,6 +103,7 @@ impl Tree {
             base: Vec::new(),
             nodes: Vec::new(),
             queue: Queue::new(weight),
+            weight,
             bytes: 0,
             loaded: vec![None; members.len()],
             tracks: members.iter().map(|_| Track::default()).collect(),
@@ -143,7 +149,9 @@ impl Tree {
             let Some(path) = self.plan(team, tools, agent, ROOT, None, stop)? else {
                 return Ok(false);
             };
-            paths.push(Rc::new(path));
+            let path = Rc::new(path);
+            self.place(team, self.local(agent), Rc::clone(&path));
+            paths.push(path);
         }
         self.begin(team, paths);
         Ok(true)
@@ -386,7 +394,18 @@ impl Tree {
     ) -> Result<(), Stopped> {
         loop {
             let mut best: Option<(Rc<Pair>, Clash, [f64; 2])> = None;
-            for at in 0..self.nodes[id as usize].pairs.len() {
+            if settings.weight > 1.0 {
+                let pairs = self.nodes[id as usize].pairs.iter();
+                let first = pairs.map(|pair| (pair, pair.clashes[0]));
+                let first = first.min_by(|one, other| one.1.time().total_cmp(&other.1.time()));
+                best = first.map(|(pair, clash)| (Rc::clone(pair), clash, [f64::INFINITY; 2]));
+            }
+            let weighed = if settings.weight > 1.0 {
+                0
+            } else {
+                self.nodes[id as usize].pairs.len()
+            };
+            for at in 0..weighed {
                 let pair = Rc::clone(&self.nodes[id as usize].pairs[at]);
                 let (clash, rises) = self.split(team, tools, settings, id, &pair, stop)?;
                 let worth = [rises[0].min(rises[1]), rises[0].max(rises[1])];
@@ -475,8 +494,13 @@ impl Tree {
     /// True if the paths of a child can replace those of its parent: one path, no dearer, and with fewer conflicts.
     fn bypasses(&self, id: u32, child: &Node) -> bool {
         let rank = self.nodes[id as usize].rank;
-        let same = rank.cost + 1e-9 * rank.cost;
-        child.changed.len() == 1 && child.rank.conflicts < rank.conflicts && child.rank.cost <= same
+        let fits = |(agent, path): &(u32, Rc<Single>)| {
+            let now = self.loaded[self.local(*agent)].as_ref();
+            now.is_some_and(|now| path.cost <= now.bound * self.weight * (1.0 + 1e-9))
+        };
+        child.rank.conflicts < rank.conflicts
+            && child.changed.len() == 1
+            && child.changed.iter().all(fits)
     }
 
     /// The child of the loaded node that one more constraint makes; none if nothing keeps it.
@@ -578,7 +602,28 @@ impl Tree {
             times: &team.times[agent as usize],
         };
         let roadmap = team.closeness.roadmap();
-        tools.low.find(roadmap, &tools.bans, &query, stop)
+        let earliest = tools.low.find(roadmap, &tools.bans, &query, stop)?;
+        let Some(earliest) = earliest else {
+            return Ok(None);
+        };
+        if self.weight <= 1.0 {
+            return Ok(Some(earliest));
+        }
+        let others = (0..).zip(&self.tracks);
+        let own = self.local(agent);
+        let others = others
+            .filter(|(other, _)| *other != own)
+            .map(|(_, track)| track);
+        tools.focal.traffic.fill(others);
+        let most = (earliest.cost * self.weight).min(tools.bans.most.next_down());
+        let found = tools.focal.find(team, &tools.bans, &query, most, stop)?;
+        Ok(Some(match found {
+            Some(mut path) => {
+                path.bound = earliest.cost;
+                path
+            }
+            None => earliest,
+        }))
     }
 
     /// The constraints of a node.
