@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let apart = support::least_distance(&case.roadmap, &outcome.paths);
     println!(
-        "{:?} cost {:.4} bound {:.4} expanded {} generated {} bypassed {} low level {} seconds {:.4} least distance {apart:.9}",
+        "{:?} cost {:.4} bound {:.4} expanded {} generated {} bypassed {} low level {} searches {} seconds {:.4} least distance {apart:.9}",
         outcome.end,
         outcome.cost,
         outcome.lower_bound,
@@ -48,6 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         outcome.generated,
         outcome.bypassed,
         outcome.low_level,
+        outcome.searches,
         begin.elapsed().as_secs_f64(),
     );
     Ok(())

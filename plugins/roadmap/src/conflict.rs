@@ -110,6 +110,8 @@ pub struct Outcome {
     pub bypassed: u64,
     /// States that the low level expanded.
     pub low_level: u64,
+    /// Searches of the low level.
+    pub searches: u64,
 }
 
 /// The agents and all that is known about the roadmap.
@@ -187,6 +189,7 @@ fn outcome(
         generated: tree.generated,
         bypassed: tree.bypassed,
         low_level: tools.low.expanded + tools.focal.expanded,
+        searches: tools.low.searches(),
     }
 }
 

@@ -98,6 +98,11 @@ impl Low {
         }
     }
 
+    /// The number of searches.
+    pub(super) fn searches(&self) -> u64 {
+        self.search.into()
+    }
+
     /// The path that arrives earliest, if there is one.
     pub(super) fn find(
         &mut self,
