@@ -48,6 +48,15 @@ struct Pair {
     weight: Cell<Option<f64>>,
 }
 
+impl Pair {
+    /// Seconds that both arrive later together, as far as is known.
+    fn least(&self) -> f64 {
+        let split = self.split.get();
+        let rises = split.map_or(0.0, |(_, rises)| rises[0].min(rises[1]));
+        self.weight.get().unwrap_or(rises)
+    }
+}
+
 /// A node of the constraint tree.
 #[derive(Debug)]
 struct Node {
@@ -228,10 +237,10 @@ impl Tree {
                         self.queue.push(id, rank);
                         return End::Stopped;
                     }
-                    Ok(f64::INFINITY) => continue,
-                    Ok(bound) => {
+                    Ok((f64::INFINITY, _)) => continue,
+                    Ok((bound, is_weighed)) => {
                         let node = &mut self.nodes[id as usize];
-                        node.is_weighed = true;
+                        node.is_weighed = is_weighed;
                         if bound > rank.bound {
                             node.rank.bound = bound;
                             self.queue.push(id, node.rank);
@@ -265,7 +274,8 @@ impl Tree {
         }
     }
 
-    /// A lower bound of what plans below a node cost, from what pairs of agents have to give up; infinite if there is none.
+    /// A lower bound of what plans below a node cost, from what pairs of agents have to give up; infinite if there is none. It
+    /// is as good as it can be only where that does not put off the node for others: then it is true.
     fn weigh(
         &mut self,
         team: &Team<'_>,
@@ -273,31 +283,49 @@ impl Tree {
         settings: &Settings,
         id: u32,
         stop: &mut dyn FnMut() -> bool,
-    ) -> Result<f64, Stopped> {
-        let mut edges = Vec::new();
-        for at in 0..self.nodes[id as usize].pairs.len() {
-            let pair = Rc::clone(&self.nodes[id as usize].pairs[at]);
-            let (_, rises) = self.split(team, tools, settings, id, &pair, stop)?;
-            let least = rises[0].min(rises[1]);
-            let weight = if let Some(known) = pair.weight.get() {
-                known
-            } else if settings.pairs && least.is_finite() && self.members.len() > 2 {
-                let weight = self
-                    .weight(team, tools, settings, id, &pair, stop)?
-                    .max(least);
-                pair.weight.set(Some(weight));
-                weight
-            } else {
-                least
-            };
-            if weight == f64::INFINITY {
-                return Ok(weight);
+    ) -> Result<(f64, bool), Stopped> {
+        let node = &self.nodes[id as usize];
+        let (cost, pairs) = (node.rank.cost, node.pairs.clone());
+        let others = self.queue.bound().unwrap_or(f64::INFINITY);
+        let enough = node.rank.bound.max(others);
+        let mut weights: Vec<f64> = pairs.iter().map(|pair| pair.least()).collect();
+        let bound = |weights: &[f64]| {
+            let edges = pairs.iter().zip(weights);
+            let edges = edges.map(|(pair, weight)| (pair.agents[0], pair.agents[1], *weight));
+            cost + cover(&edges.filter(|edge| edge.2 > 0.0).collect::<Vec<_>>())
+        };
+        if weights.contains(&f64::INFINITY) {
+            return Ok((f64::INFINITY, true));
+        }
+        let mut known = bound(&weights);
+        if known > enough {
+            return Ok((known, false));
+        }
+        let searches = settings.pairs && self.members.len() > 2;
+        for is_searched in [false, true] {
+            if is_searched && !searches {
+                break;
             }
-            if weight > 0.0 {
-                edges.push((pair.agents[0], pair.agents[1], weight));
+            for (number, pair) in pairs.iter().enumerate() {
+                let more = if is_searched {
+                    self.weight(team, tools, settings, id, pair, stop)?
+                } else {
+                    self.split(team, tools, settings, id, pair, stop)?;
+                    pair.least()
+                };
+                if more == f64::INFINITY {
+                    return Ok((more, true));
+                }
+                if more > weights[number] {
+                    weights[number] = more;
+                    known = bound(&weights);
+                    if known > enough {
+                        return Ok((known, false));
+                    }
+                }
             }
         }
-        Ok(self.nodes[id as usize].rank.cost + cover(&edges))
+        Ok((known, true))
     }
 
     /// Seconds that two agents arrive later together, at least, by a search for both alone.
@@ -310,6 +338,9 @@ impl Tree {
         pair: &Rc<Pair>,
         stop: &mut dyn FnMut() -> bool,
     ) -> Result<f64, Stopped> {
+        if let Some(known) = pair.weight.get() {
+            return Ok(known);
+        }
         let mut tree = self
             .of_pair
             .take()
@@ -337,11 +368,13 @@ impl Tree {
         let end = tree.run(team, tools, &limited, stop);
         let bound = tree.bound();
         self.of_pair = Some(tree);
-        match end {
-            End::Stopped => Err(Stopped),
-            End::Infeasible => Ok(f64::INFINITY),
-            _ => Ok((bound - alone).max(0.0)),
-        }
+        let weight = match end {
+            End::Stopped => return Err(Stopped),
+            End::Infeasible => f64::INFINITY,
+            _ => (bound - alone).max(pair.least()),
+        };
+        pair.weight.set(Some(weight));
+        Ok(weight)
     }
 
     /// The conflict of a pair that is to be split, and how much later each agent arrives if it gives way: conflicts in which both
