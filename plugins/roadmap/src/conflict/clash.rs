@@ -20,8 +20,9 @@ use crate::roadmap::{Edge, Vertex};
 /// Two discs that are too close for no longer than this do not conflict: times are rounded, and the separation has a margin.
 pub(super) const INSTANT: f64 = 1e-8;
 
-/// The share of the time near a vertex for which delta branching forbids starts.
-const SHARE: f64 = 0.5;
+/// The share of the time near a vertex for which delta branching forbids starts: most of it, since the agent at rest may as well
+/// rest elsewhere.
+const SHARE: f64 = 0.9;
 
 /// Most conflicts of two paths that are told apart.
 const MOST: usize = 4;

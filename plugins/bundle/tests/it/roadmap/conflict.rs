@@ -371,6 +371,33 @@ proptest! {
     }
 }
 
+/// Problems of the shared data, where they are at hand: forty discs within a fifth of the least cost.
+#[test]
+fn teams_of_forty_are_planned_within_a_factor() {
+    let Some(data) = std::env::var_os("FLEETYARD_DATA") else {
+        eprintln!("skipped: FLEETYARD_DATA is not set");
+        return;
+    };
+    for name in ["boxes-32-dense-1", "rooms-32-dense-2", "empty-32-dense-3"] {
+        let tasks = format!("continuous/roadmap-tasks/{name}.tasks.json");
+        let file = File::new(&data).join(tasks);
+        if !file.exists() {
+            eprintln!("skipped: {} is not there", file.display());
+            return;
+        }
+        let case = Case::read(&file, 40).unwrap();
+        let settings = Settings {
+            weight: 1.2,
+            ..limited(300)
+        };
+        let outcome = searched(&case.roadmap, &case.tasks, &settings);
+        assert_eq!(outcome.end, End::Solved, "{name}");
+        assert!(outcome.cost < outcome.lower_bound * 1.2 + 1e-6, "{name}");
+        let apart = least_distance(&case.roadmap, &outcome.paths);
+        assert!(apart > case.roadmap.separation() - 1e-7, "{apart}");
+    }
+}
+
 /// Problems of the shared data, where they are at hand: the costs of CCBS's own program.
 #[test]
 fn costs_are_those_of_the_published_program() {
