@@ -23,12 +23,15 @@ mod queue;
 mod traffic;
 mod tree;
 
+use std::cell::OnceCell;
+
+use fleetyard_plugin_plane::motion::Span;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::closeness::Closeness;
 use crate::plan::Path;
-use crate::roadmap::Vertex;
+use crate::roadmap::{Edge, Vertex};
 use low::Stopped;
 use tree::{Tools, Tree};
 
@@ -122,10 +125,22 @@ struct Team<'a> {
     tasks: &'a [(Vertex, Vertex)],
     /// Of each agent the seconds from every vertex to its goal.
     times: Vec<Vec<f64>>,
+    /// Of each goal the vertices and edges that are close to it.
+    beside: Vec<OnceCell<Beside>>,
     /// Centres are never closer than this, in metres.
     distance: f64,
     branching: Branching,
 }
+
+/// Vertices that are close to a goal, and edges with the part of the way along them that is.
+#[derive(Debug)]
+struct Beside {
+    vertices: Vec<Vertex>,
+    edges: Vec<(Edge, Span)>,
+}
+
+/// Discs may touch: centres that are nearer by no more than this share of the separation do.
+const TOUCH: f64 = 1e-9;
 
 /// Searches for agents with starts and goals.
 pub fn solve(
@@ -139,7 +154,8 @@ pub fn solve(
         closeness,
         tasks,
         times: Vec::with_capacity(tasks.len()),
-        distance: closeness.distance(),
+        beside: tasks.iter().map(|_| OnceCell::new()).collect(),
+        distance: roadmap.separation() * (1.0 - TOUCH),
         branching: settings.branching,
     };
     let mut tree = Tree::new((0..tasks.len() as u32).collect(), settings.weight);
@@ -194,12 +210,29 @@ fn outcome(
 }
 
 impl Team<'_> {
+    /// The vertices and edges that are close to an agent's goal.
+    fn beside(&self, agent: u32) -> &Beside {
+        self.beside[agent as usize].get_or_init(|| {
+            let (roadmap, goal) = (self.closeness.roadmap(), self.tasks[agent as usize].1);
+            let place = roadmap.place(goal);
+            let vertices = self.closeness.vertices_of_vertex(goal).iter().copied();
+            let is_close =
+                |vertex: &Vertex| (roadmap.place(*vertex) - place).norm() < self.distance;
+            let edges = self.closeness.edges_of_vertex(goal).iter();
+            let near = |edge: Edge| roadmap.motion(edge).near(place, self.distance);
+            Beside {
+                vertices: vertices.filter(is_close).collect(),
+                edges: edges
+                    .filter_map(|(edge, _)| Some((*edge, near(*edge)?)))
+                    .collect(),
+            }
+        })
+    }
+
     /// True if two agents start, or end, too close to each other.
     fn is_crowded(&self) -> bool {
         let place = |vertex| self.closeness.roadmap().place(vertex);
-        let close = |a: Vertex, b: Vertex| {
-            (place(a) - place(b)).norm() < self.closeness.roadmap().separation()
-        };
+        let close = |a: Vertex, b: Vertex| (place(a) - place(b)).norm() < self.distance;
         let pairs = (0..self.tasks.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
         let tasks = |(i, j): (usize, usize)| (self.tasks[i], self.tasks[j]);
         let mut pairs = pairs.map(tasks);

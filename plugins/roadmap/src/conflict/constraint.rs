@@ -132,11 +132,11 @@ impl Bans {
             Constraint::ArriveFrom { time, .. } if own => self.least = self.least.max(time),
             Constraint::ArriveBefore { time, .. } if own => self.most = self.most.min(time),
             Constraint::ArriveBefore { agent, time } => {
-                let goal = team.tasks[agent as usize].1;
-                for vertex in team.closeness.vertices_of_vertex(goal) {
+                let beside = team.beside(agent);
+                for vertex in &beside.vertices {
                     self.ban_vertex(*vertex, time, f64::INFINITY);
                 }
-                for (edge, near) in team.closeness.edges_of_vertex(goal) {
+                for (edge, near) in &beside.edges {
                     self.ban_edge(*edge, time - near.high, f64::INFINITY);
                 }
             }

@@ -174,7 +174,7 @@ impl Walks<'_> {
     /// The two ways out of some conflict, where there is one; each may be none.
     fn conflict(&self, times: &[f64]) -> Option<Vec<Difference>> {
         const EPSILON: f64 = 1e-7;
-        let distance = self.roadmap.separation() * (1.0 + 1e-9);
+        let distance = self.roadmap.separation() * (1.0 - 1e-9);
         for one in 0..self.chosen.len() {
             for other in (0..self.chosen.len()).filter(|other| *other != one) {
                 let ((start, edges), (_, others)) = (self.chosen[one], self.chosen[other]);
