@@ -198,7 +198,11 @@ fn outcome(
     let paths: Vec<Path> = paths.map(|path| path.visits(closeness.roadmap())).collect();
     Outcome {
         end,
-        cost: tree.paths().filter(|_| solved).map(|path| path.cost).sum(),
+        cost: if solved {
+            tree.paths().map(|path| path.cost).sum()
+        } else {
+            0.0
+        },
         paths,
         lower_bound,
         expanded: tree.expanded,

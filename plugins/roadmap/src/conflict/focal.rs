@@ -89,6 +89,21 @@ struct Asked<'a> {
     most: f64,
 }
 
+impl Asked<'_> {
+    /// The earliest last arrival by way of a state, as far as the shortest ways tell.
+    fn way(&self, state: &State) -> f64 {
+        let State {
+            vertex,
+            interval,
+            met,
+            arrival,
+            ..
+        } = *state;
+        let at = (vertex, interval, met, arrival);
+        way(self.roadmap, self.bans, self.query, at).max(self.bans.least)
+    }
+}
+
 impl Focal {
     /// For a roadmap.
     pub(super) fn new(roadmap: &Roadmap) -> Self {
@@ -201,7 +216,7 @@ impl Focal {
                     next: NONE,
                     is_worse: false,
                 };
-                if !self.is_in_time(asked, &reached) {
+                if asked.way(&reached) > asked.most {
                     break;
                 }
                 let (mut conflicts, mut clear) = (0, f64::INFINITY);
@@ -275,23 +290,6 @@ impl Focal {
         );
     }
 
-    fn is_in_time(&self, asked: &Asked<'_>, reached: &State) -> bool {
-        let State {
-            vertex,
-            interval,
-            met,
-            arrival,
-            ..
-        } = *reached;
-        let way = way(
-            asked.roadmap,
-            asked.bans,
-            asked.query,
-            (vertex, interval, met, arrival),
-        );
-        way.max(asked.bans.least) <= asked.most
-    }
-
     /// Keeps a state if none that arrives as early has as few conflicts.
     fn reach(&mut self, asked: &Asked<'_>, reached: State) {
         let State {
@@ -302,13 +300,8 @@ impl Focal {
             conflicts,
             ..
         } = reached;
-        let way = way(
-            asked.roadmap,
-            asked.bans,
-            asked.query,
-            (vertex, interval, met, arrival),
-        );
-        if way.max(asked.bans.least) > asked.most {
+        let way = asked.way(&reached);
+        if way > asked.most {
             return;
         }
         let (last, search) = &mut self.last[vertex as usize];
