@@ -18,6 +18,9 @@ use crate::motion::{Motion, Span};
 use crate::spans::Spans;
 use crate::timing::Stop;
 
+/// Seconds in which others are looked at, at a time, to find when a line is free.
+const SLICE: f64 = 1.0;
+
 /// Limits of a run.
 pub struct Control<'a> {
     /// Says when to stop. Asked often.
@@ -389,32 +392,47 @@ impl Search {
             return;
         }
         let motion = Motion::between(field.at(state.place), field.at(to), seconds);
-        let within = Span {
-            low: state.arrival,
-            high: until,
-        };
-        self.forbidden.clear();
-        field.traffic.forbidden(
-            driver.disc,
-            &motion,
-            within,
-            field.apart,
-            &mut self.forbidden,
-        );
+        let mut soonest = state.arrival;
         for interval in interval..intervals {
             let safe = self.slots[to as usize].taken.safe(interval);
-            let set_out = self
-                .forbidden
-                .first_outside(state.arrival.max(safe.low - seconds));
-            if set_out > until || !set_out.is_finite() {
+            soonest = soonest.max(safe.low - seconds);
+            let Some(set_out) = self.set_out(field, driver.disc, &motion, [soonest, until]) else {
+                return;
+            };
+            let arrival = (set_out + seconds).max(safe.low);
+            if arrival + self.slots[to as usize].rest.0 >= driver.before {
                 return;
             }
-            let arrival = (set_out + seconds).max(safe.low);
-            let useful = arrival + self.slots[to as usize].rest.0 < driver.before;
-            if arrival <= safe.high && useful {
+            if arrival <= safe.high {
                 self.reach(to, interval, from, [set_out, arrival], free);
             }
+            soonest = set_out;
         }
+    }
+
+    /// The first time from `soonest` to `latest` at which a motion may begin.
+    fn set_out(
+        &mut self,
+        field: &mut Field<'_>,
+        disc: u32,
+        motion: &Motion,
+        [mut soonest, latest]: [f64; 2],
+    ) -> Option<f64> {
+        // Most lines are free at once, whatever happens later.
+        while soonest <= latest && soonest.is_finite() {
+            let within = Span {
+                low: soonest,
+                high: latest.min(soonest + SLICE),
+            };
+            self.forbidden.clear();
+            let (traffic, forbidden) = (&mut *field.traffic, &mut self.forbidden);
+            traffic.forbidden(disc, motion, within, field.apart, forbidden);
+            soonest = forbidden.first_outside(soonest);
+            if soonest <= within.high {
+                return Some(soonest);
+            }
+        }
+        None
     }
 
     /// The stops on the way to a state.
@@ -497,31 +515,20 @@ impl Search {
                     let motion = Motion::between(field.at(state.place), field.at(to), seconds);
                     let here = &self.slots[state.place as usize].taken;
                     let until = here.safe(state.interval as usize).high;
-                    let within = Span {
-                        low: state.arrival,
-                        high: until,
-                    };
-                    self.forbidden.clear();
-                    field.traffic.forbidden(
-                        driver.disc,
-                        &motion,
-                        within,
-                        field.apart,
-                        &mut self.forbidden,
-                    );
                     let there = &self.slots[to as usize].taken;
                     let soonest = if to == goal {
                         there.safe(last).low - seconds
                     } else {
                         there.first_outside(state.arrival + seconds) - seconds
                     };
-                    let set_out = self.forbidden.first_outside(state.arrival.max(soonest));
+                    let times = [state.arrival.max(soonest), until];
+                    let Some(set_out) = self.set_out(field, driver.disc, &motion, times) else {
+                        continue;
+                    };
+                    let there = &self.slots[to as usize].taken;
                     let arrival = set_out + seconds;
                     let interval = there.ended(arrival);
-                    if set_out > until
-                        || !arrival.is_finite()
-                        || there.safe(interval).low > arrival + 1e-9
-                        || (to == goal && interval != last)
+                    if there.safe(interval).low > arrival + 1e-9 || (to == goal && interval != last)
                     {
                         continue;
                     }

@@ -137,7 +137,15 @@ impl Traffic {
             if piece.end <= within.low || piece.start >= last || line.misses(piece, distance) {
                 return;
             }
-            if let Some(overlap) = piece.motion.overlap(motion, distance) {
+            // Of one at rest it is enough to know when the motion is near.
+            if piece.motion.velocity == Vector::zeros() {
+                if let Some(near) = motion.near(piece.motion.from, distance) {
+                    forbidden.insert(Span {
+                        low: piece.start - near.high,
+                        high: piece.end - near.low,
+                    });
+                }
+            } else if let Some(overlap) = piece.motion.overlap(motion, distance) {
                 forbidden.insert(overlap.forward.after(piece.start));
             }
         });
