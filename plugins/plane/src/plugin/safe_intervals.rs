@@ -133,6 +133,10 @@ impl Planner for SafeIntervalTangents {
                 let of = (agent, &discs[agent]);
                 Err(no_way(world, instance, of, &mut || call.stop()))
             }
+            Outcome::GaveUp(0) => {
+                let reason = "a robot finds no way among the movers, not even alone";
+                Err(Failure::new(Status::GaveUp, reason))
+            }
             Outcome::GaveUp(ejections) => {
                 let reason = format!(
                     "robots pushed each other out {ejections} times, and not all have a way"

@@ -83,6 +83,8 @@ struct Known {
     radius: f64,
     clearance: f64,
     ground: Ground,
+    /// Ways that its places alone did not give.
+    ways: Vec<Vec<Vector>>,
 }
 
 /// Those to keep clear of.
@@ -239,9 +241,10 @@ impl<'a> Team<'a> {
                     continue;
                 };
                 let obstacles = known.obstacles().clone();
-                self.grounds[ground].ground =
-                    Ground::new(obstacles, self.most_bays, &others, &[way.places]);
-                let known = &mut self.grounds[ground].ground;
+                let known = &mut self.grounds[ground];
+                known.ways.push(way.places);
+                known.ground = Ground::new(obstacles, self.most_bays, &others, &known.ways);
+                let known = &mut known.ground;
                 // Those who were joined before have lines to places of other numbers now.
                 for other in 0..disc {
                     if self.ground_of[other] == ground {
@@ -277,6 +280,7 @@ impl<'a> Team<'a> {
                 radius,
                 clearance,
                 ground,
+                ways: Vec::new(),
             });
             self.grounds.len() - 1
         })
