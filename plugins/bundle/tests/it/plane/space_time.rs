@@ -178,13 +178,20 @@ fn who_stands_in_a_doorway_makes_room() {
 
 #[test]
 fn each_disc_squeezes_through_the_gap_that_is_on_its_way() {
-    // Three rooms, and between them gaps that are wider than the discs by a two-hundredth.
+    // Three rooms, and between them gaps from tip to tip that are wider than the discs by a two-hundredth. The tips are of 45
+    // degrees, so that a place of the ground would be right between them.
+    let tip = |x: f64, from: f64, to: f64| {
+        let half = (to - from).abs() * 22.5_f64.to_radians().tan();
+        [(x - half, from), (x + half, from), (x, to)]
+            .map(|(x, y)| Vector::new(x, y))
+            .to_vec()
+    };
     let (low, high) = (2.0 - 0.201, 2.0 + 0.201);
     let walls = vec![
-        block(2.0, 0.0, 2.2, low),
-        block(2.0, high, 2.2, 4.0),
-        block(4.0, 0.0, 4.2, low),
-        block(4.0, high, 4.2, 4.0),
+        tip(2.0, 0.0, low),
+        tip(2.0, 4.0, high),
+        tip(4.0, 0.0, low),
+        tip(4.0, 4.0, high),
     ];
     let world = room(6.0, 4.0, walls);
     let discs = [
