@@ -180,6 +180,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("tangent", IN_HOST),
     ("si-tangent", IN_WORKER),
     ("si-tangent", IN_HOST),
+    ("sssp", IN_WORKER),
+    ("sssp", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

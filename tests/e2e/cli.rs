@@ -468,6 +468,7 @@ fn plugins_are_listed_and_described() {
             "plane-pp",
             "tangent",
             "si-tangent",
+            "sssp",
             "empty",
             "astar",
             "dijkstra",

@@ -8,6 +8,7 @@ use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
 use fleetyard_plugin_plane::plugin::safe_intervals::SafeIntervalTangents;
 use fleetyard_plugin_plane::plugin::shortest::ShortestTangents;
+use fleetyard_plugin_plane::plugin::sssp::Sssp;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_roadmap::plugin::{
     Ccbs, Ctc, Eccbs, RoadmapLacam, RoadmapLns, RoadmapPrioritised,
@@ -37,6 +38,7 @@ fleetyard_abi::export! {
         PlanePrioritised,
         ShortestTangents,
         SafeIntervalTangents,
+        Sssp,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -12,6 +12,7 @@
 //! - [`orders`]: orders of priority;
 //! - [`prioritised`]: teams of discs in the plane;
 //! - [`team`]: teams of discs in space and time together;
+//! - [`sssp`]: teams of discs and polygons, by sampling and search at once;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
@@ -22,6 +23,7 @@ pub mod orders;
 pub mod plugin;
 pub mod prioritised;
 pub mod spans;
+pub mod sssp;
 pub mod tangent;
 pub mod team;
 pub mod timing;

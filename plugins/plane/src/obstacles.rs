@@ -77,6 +77,13 @@ impl Obstacles {
         }
     }
 
+    /// The same with these discs at rest as well.
+    #[must_use]
+    pub fn with_more_discs(&self, discs: impl IntoIterator<Item = Disc>) -> Self {
+        let known = self.discs.iter().copied();
+        self.with_discs(known.chain(discs).collect())
+    }
+
     /// The disc's radius, in metres.
     pub fn radius(&self) -> f64 {
         self.radius
@@ -181,7 +188,7 @@ fn squared_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> f64 {
 }
 
 /// The squared distance of a segment and a place.
-fn squared_distance_to(from: Vector, to: Vector, place: Vector) -> f64 {
+pub(crate) fn squared_distance_to(from: Vector, to: Vector, place: Vector) -> f64 {
     let (along, offset) = (to - from, place - from);
     let length = along.norm_squared();
     let part = if length > 0.0 {

@@ -14,6 +14,7 @@ use crate::prioritised::{Disc, Effort, Outcome, World, plan};
 mod robots;
 pub mod safe_intervals;
 pub mod shortest;
+pub mod sssp;
 
 use robots::{agents, no_way, show, world};
 

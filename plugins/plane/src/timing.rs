@@ -47,6 +47,27 @@ pub fn earliest(way: &[Vector], speed: f64, obstructions: &[Obstruction]) -> Opt
         .iter()
         .map(|place| taken(*place, obstructions))
         .collect();
+    let times = earliest_times(&taken, |leg| {
+        let (from, to) = (way[leg], way[leg + 1]);
+        let duration = (to - from).norm() / speed;
+        let motion = Motion::between(from, to, duration);
+        (duration, forbidden(&motion, obstructions))
+    })?;
+    let stops = way.iter().zip(times);
+    let stops = stops.map(|(at, [arrival, departure])| Stop {
+        at: *at,
+        arrival,
+        departure,
+    });
+    Some(stops.collect())
+}
+
+/// The times of arrival and departure at places that are taken at known times. A leg takes so many seconds, and there are times
+/// at which nobody may set out on it.
+pub fn earliest_times(
+    taken: &[Spans],
+    mut leg: impl FnMut(usize) -> (f64, Spans),
+) -> Option<Vec<[f64; 2]>> {
     let first = taken.first()?.ended(0.0);
     if taken[0].safe(first).low > 0.0 {
         return None;
@@ -57,10 +78,9 @@ pub fn earliest(way: &[Vector], speed: f64, obstructions: &[Obstruction]) -> Opt
         parent: 0,
         set_out: 0.0,
     }]];
-    for (at, leg) in way.windows(2).enumerate() {
-        let duration = (leg[1] - leg[0]).norm() / speed;
-        let forbidden = forbidden(&Motion::between(leg[0], leg[1], duration), obstructions);
-        let (here, there) = (&taken[at], &taken[at + 1]);
+    for (at, both) in taken.windows(2).enumerate() {
+        let (duration, forbidden) = leg(at);
+        let (here, there) = (&both[0], &both[1]);
         let mut next = Vec::new();
         for interval in 0..=there.as_slice().len() {
             let safe_there = there.safe(interval);
@@ -78,27 +98,26 @@ pub fn earliest(way: &[Vector], speed: f64, obstructions: &[Obstruction]) -> Opt
             });
             next.extend(arrivals.min_by(|a, b| a.arrival.total_cmp(&b.arrival)));
         }
+        if next.is_empty() {
+            return None;
+        }
         layers.push(next);
     }
     let (last, end) = (layers.last()?, taken.last()?.as_slice().len());
     let mut state = last.iter().position(|state| state.interval == end)?;
-    let (mut stops, mut departure) = (Vec::with_capacity(way.len()), f64::INFINITY);
-    for (layer, at) in layers.iter().zip(way).rev() {
+    let (mut times, mut departure) = (Vec::with_capacity(taken.len()), f64::INFINITY);
+    for layer in layers.iter().rev() {
         let Reached {
             arrival,
             parent,
             set_out,
             ..
         } = layer[state];
-        stops.push(Stop {
-            at: *at,
-            arrival,
-            departure,
-        });
+        times.push([arrival, departure]);
         (state, departure) = (parent, set_out);
     }
-    stops.reverse();
-    Some(stops)
+    times.reverse();
+    Some(times)
 }
 
 /// The motions of a disc with these times, its rests among them, for discs that have to keep `distance` from it.

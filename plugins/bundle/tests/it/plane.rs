@@ -6,6 +6,7 @@
 
 mod shortest;
 mod space_time;
+mod sssp;
 mod support;
 
 use fleetyard_plugin_plane::Vector;

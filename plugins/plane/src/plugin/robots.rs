@@ -12,6 +12,7 @@ use crate::Vector;
 use crate::bins::Rectangle;
 use crate::obstacles::Obstacles;
 use crate::prioritised::{Disc, Mover, World};
+use crate::sssp::bodies::wrapped;
 use crate::tangent::Tangents;
 use crate::timing::Stop;
 
@@ -87,14 +88,15 @@ fn world_of(workspace: &WorkspaceEnvironment) -> World {
 pub(super) struct Agent {
     pub(super) disc: Disc,
     /// The heading at the start, and the turn to that at the goal, if it has headings.
-    turn: Option<Turn>,
+    pub(super) turn: Option<Turn>,
 }
 
 /// A turn at the goal.
-struct Turn {
-    from_rad: f64,
-    by_rad: f64,
-    seconds: f64,
+pub(super) struct Turn {
+    pub(super) from_rad: f64,
+    pub(super) by_rad: f64,
+    /// Radians per second.
+    pub(super) rate: f64,
 }
 
 /// Speed of robots without a limit, in metres per second.
@@ -153,12 +155,12 @@ impl Agent {
         let heading = |state: &[f64]| state.get(2).copied().filter(|_| robot.has_heading);
         let turn = heading(start).map(|from_rad| {
             let to_rad = heading(goal).filter(|heading| heading.is_finite());
-            let by_rad = to_rad.map_or(0.0, |to_rad| shortest_turn(to_rad - from_rad));
+            let by_rad = to_rad.map_or(0.0, |to_rad| wrapped(to_rad - from_rad));
             let rate = limit(robot, 2).unwrap_or(UNLIMITED);
             Turn {
                 from_rad,
                 by_rad,
-                seconds: by_rad.abs() / rate,
+                rate,
             }
         });
         Ok(Self {
@@ -193,20 +195,13 @@ impl Agent {
             && turn.by_rad != 0.0
         {
             push(
-                last.arrival + turn.seconds,
+                last.arrival + turn.by_rad.abs() / turn.rate,
                 last.at,
                 turn.from_rad + turn.by_rad,
             );
         }
         knots
     }
-}
-
-/// The same turn within half a round.
-fn shortest_turn(by_rad: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    let turn = by_rad - TAU * libm::floor((by_rad + PI) / TAU);
-    if turn > PI { turn - TAU } else { turn }
 }
 
 /// The limit of a control in either direction, if it has one.

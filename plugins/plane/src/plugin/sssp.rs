@@ -1,0 +1,270 @@
+//! The planner behind the plugin contract: id `sssp`.
+
+use std::rc::Rc;
+
+use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink};
+use fleetyard_abi::{
+    Budget, Capability, Descriptor, Instance, Kind, Knot, KnotPlan, SharedEnvironment, Status,
+};
+use fleetyard_plugin_spacetime::plugin::{Call, described, half_of_memory, parse};
+
+use super::SINGLE_INTEGRATOR;
+use super::robots::{Agent, agents, no_way, world};
+use crate::Vector;
+use crate::obstacles::Disc;
+use crate::prioritised::{Mover, World};
+use crate::sssp::Options;
+use crate::sssp::bodies::{Body, Pose, Space};
+use crate::sssp::order::{Course, schedule, shorten};
+use crate::sssp::refine::{Moving, Refiner};
+use crate::sssp::roadmap::{Robot, Sampler};
+use crate::sssp::search::{Limits, Outcome, solve};
+use crate::timing::Stop;
+
+/// Orders of priority that are tried where obstacles move.
+const ORDERS: u64 = 1000;
+
+/// Telling of a plan takes about as long as planning so many of its robots anew.
+const REPORT: u64 = 1;
+
+/// Sampling and search at once.
+#[derive(Debug)]
+pub struct Sssp(Options);
+
+impl Plugin for Sssp {
+    fn descriptor() -> Descriptor {
+        let about = "Anytime: samples a roadmap for every robot where a greedy search for the team \
+            goes, one robot at a time (SSSP: Okumura, Defago, IJCAI 2023), then lets all move at \
+            once and makes ways and times better until the budget ends. Discs and convex polygons.";
+        let capabilities = [
+            Capability::Continuous,
+            Capability::Dynamics,
+            Capability::Heterogeneous,
+            Capability::Anytime,
+            Capability::Deterministic,
+        ];
+        Descriptor {
+            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
+            ..described::<Options>(Kind::Planner, ("sssp", "SSSP"), about, [&capabilities, &[]])
+        }
+    }
+
+    fn create(options: Given<'_>) -> Result<Self, Failure> {
+        parse(options, |_| Ok(())).map(Self)
+    }
+}
+
+impl Planner for Sssp {
+    type Map = World;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<World, Failure> {
+        world(environment)
+    }
+
+    fn plan(
+        &mut self,
+        world: &mut World,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let call = Call::new(budget, sink);
+        let mut stop = || call.stop();
+        let agents = agents(instance)?;
+        let robots = robots(world, instance, &agents)?;
+        let mut sampler = Sampler::new(world.bounds, budget.seed);
+        let nodes = call.node_limit().unwrap_or(u64::MAX);
+        let mut limits = Limits {
+            nodes,
+            memory: half_of_memory(budget),
+            stop: &mut stop,
+        };
+        let (outcome, roadmaps, effort) = solve(&robots, &mut sampler, &self.0, &mut limits);
+        call.metric("expansions", effort.expanded as f64);
+        call.metric("generated", effort.generated as f64);
+        call.metric("rounds", effort.rounds as f64);
+        let spent = effort.expanded + effort.samples;
+        let mut left = nodes.saturating_sub(spent);
+        let mut moves = match outcome {
+            Outcome::Solved(moves) => moves,
+            other => {
+                call.metric("nodes", spent as f64);
+                if let Outcome::NoWay(agent) = other {
+                    let disc = &agents[agent].disc;
+                    return Err(no_way(world, instance, (agent, disc), &mut stop));
+                }
+                return Err(failure(&other, instance, call.stop()));
+            }
+        };
+        shorten(&robots, &mut moves, &mut stop);
+        let courses = schedule(&robots, &moves);
+        let moving: Vec<Moving> = world.movers.iter().map(moving).collect();
+        let mut refiner =
+            Refiner::new(&robots, &roadmaps, &moving, courses, budget.seed, &mut stop);
+        if !moving.is_empty() && !refiner.give_way(ORDERS.min(nodes), budget.seed, &mut stop) {
+            call.metric("nodes", spent as f64);
+            let reason = "no order of priority was found in which all robots give way to obstacles that move";
+            return Err(unsolved(call.stop(), reason));
+        }
+        let submit = |refiner: &Refiner<'_>| {
+            let plan: KnotPlan = std::iter::zip(&robots, &agents)
+                .zip(refiner.courses())
+                .map(|((robot, agent), course)| knots(robot, agent, course))
+                .collect();
+            sink.submit(&plan)
+        };
+        let [first, bound] = refiner.sums();
+        call.metric("first_cost_s", first);
+        call.metric("lower_bound", bound);
+        submit(&refiner)?;
+        let (mut told, mut work, mut refinements) = (true, 0, 0);
+        let most = self.0.refinements.unwrap_or(u64::MAX);
+        while refinements < most && left > 0 && !refiner.is_done() && !stop() {
+            let (better, count) = refiner.attempt();
+            (refinements, work) = (refinements + 1, work + count);
+            left = left.saturating_sub(count);
+            told &= !better;
+            if !told && work > REPORT * agents.len() as u64 {
+                // One that comes too late is no fault.
+                let _ = submit(&refiner);
+                (told, work) = (true, 0);
+            }
+        }
+        if !told {
+            let _ = submit(&refiner);
+        }
+        call.metric("refinements", refinements as f64);
+        call.metric("nodes", (nodes - left) as f64);
+        Ok(())
+    }
+}
+
+fn unsolved(stopped: bool, otherwise: &str) -> Failure {
+    if stopped {
+        return Failure::new(Status::TimedOut, "the budget ended before a plan was found");
+    }
+    Failure::new(Status::GaveUp, otherwise)
+}
+
+fn failure(outcome: &Outcome, instance: &Instance, stopped: bool) -> Failure {
+    let (agents, reason) = match outcome {
+        Outcome::NotFree(agent) => (
+            vec![*agent],
+            format!("agent {agent} touches an obstacle at its start or its goal"),
+        ),
+        Outcome::Touching([a, b]) => (
+            vec![*a, *b],
+            format!("agents {a} and {b} touch at their starts or at their goals"),
+        ),
+        Outcome::Solved(_) | Outcome::NoWay(_) | Outcome::Stopped => {
+            return unsolved(stopped, "a limit was met before a plan was found");
+        }
+    };
+    // Polygons keep a margin, and nearly at its goal a robot may have arrived.
+    let is_disc = |agent: &usize| {
+        let robot = instance.robot(*agent);
+        robot.is_some_and(|robot| robot.footprint.corners_m.is_empty())
+    };
+    let status = if agents.iter().all(is_disc) && instance.goal_tolerance_m == 0.0 {
+        Status::Infeasible
+    } else {
+        Status::GaveUp
+    };
+    Failure::new(status, reason)
+}
+
+/// Robots of the same body share what they know of obstacles. Obstacles that move stand at their last place.
+fn robots(world: &World, instance: &Instance, agents: &[Agent]) -> Result<Vec<Robot>, Failure> {
+    let parked = world.movers.iter().filter_map(|mover| {
+        let at = mover.stops.last()?.at;
+        Some(Disc {
+            at,
+            radius: mover.radius,
+        })
+    });
+    let parked: Vec<Disc> = parked.collect();
+    let mut spaces: Vec<Rc<Space>> = Vec::new();
+    let robots = agents.iter().enumerate().map(|(number, agent)| {
+        let lacking = || {
+            let reason = format!("agent {number} has no robot");
+            Failure::new(Status::InvalidInput, reason)
+        };
+        let footprint = &instance.robot(number).ok_or_else(lacking)?.footprint;
+        let corners = footprint.corners_m.iter();
+        let body = Body {
+            radius: footprint.radius_m,
+            corners: corners.map(|[x, y]| Vector::new(*x, *y)).collect(),
+        };
+        let known = spaces.iter().find(|space| space.body == body).cloned();
+        let space = known.unwrap_or_else(|| {
+            let space = Space::new(body, &world.polygons, world.bounds, &parked);
+            spaces.push(Rc::new(space));
+            spaces[spaces.len() - 1].clone()
+        });
+        // The heading of a disc is brought about at its goal.
+        let turn = agent.turn.as_ref().filter(|_| !space.body.is_disc());
+        let [from, by, turn_rate] =
+            turn.map_or([0.0; 3], |turn| [turn.from_rad, turn.by_rad, turn.rate]);
+        let pose = |at, heading| Pose { at, heading };
+        Ok(Robot {
+            space,
+            speed: agent.disc.speed,
+            turn_rate,
+            start: pose(agent.disc.start, from),
+            goal: pose(agent.disc.goal, from + by),
+        })
+    });
+    robots.collect()
+}
+
+fn moving(mover: &Mover) -> Moving {
+    let at = |stop: &Stop| Pose {
+        at: stop.at,
+        heading: 0.0,
+    };
+    Moving {
+        body: Body {
+            radius: mover.radius,
+            corners: Vec::new(),
+        },
+        course: Course {
+            way: mover.stops.iter().map(at).collect(),
+            times: mover
+                .stops
+                .iter()
+                .map(|stop| [stop.arrival, stop.departure])
+                .collect(),
+        },
+    }
+}
+
+fn knots(robot: &Robot, agent: &Agent, course: &Course) -> Vec<Knot> {
+    let poses = std::iter::zip(&course.way, &course.times);
+    if robot.space.body.is_disc() || agent.turn.is_none() {
+        let stops = poses.map(|(pose, [arrival, departure])| Stop {
+            at: pose.at,
+            arrival: *arrival,
+            departure: *departure,
+        });
+        return agent.knots(&stops.collect::<Vec<_>>());
+    }
+    let knot = |pose: &Pose, time_s: f64| Knot {
+        time_s,
+        x_m: pose.at.x,
+        y_m: pose.at.y,
+        heading_rad: pose.heading,
+    };
+    let knots = poses.flat_map(|(pose, [arrival, departure])| {
+        let waits = departure.is_finite() && departure > arrival;
+        let arrives = knot(pose, *arrival);
+        [arrives]
+            .into_iter()
+            .chain(waits.then(|| knot(pose, *departure)))
+    });
+    knots.collect()
+}
