@@ -271,7 +271,7 @@ fn exact(roadmap: &Roadmap, tasks: &[(Vertex, Vertex)], most: f64) -> Option<f64
         .map(|task| walks(roadmap, *task, most - sum + alone(task)))
         .collect();
     let combinations: usize = all.iter().map(Vec::len).product();
-    if combinations > 4000 {
+    if combinations > 1000 {
         return None;
     }
     let mut best = most;
