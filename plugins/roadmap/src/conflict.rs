@@ -103,7 +103,7 @@ pub struct Outcome {
     pub paths: Vec<Path>,
     /// The sum of the times of their last arrivals.
     pub cost: f64,
-    /// No plan costs less; zero for the original branching.
+    /// No plan costs less; zero for the original branching, infinite where no way leads to a goal.
     pub lower_bound: f64,
     /// Nodes that were split.
     pub expanded: u64,

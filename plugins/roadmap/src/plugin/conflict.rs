@@ -111,8 +111,11 @@ fn search(team: &Team<'_>, settings: Settings, call: &Call<'_>) -> Result<(), Fa
     call.metric("nodes", outcome.generated as f64);
     call.metric("expansions", outcome.expanded as f64);
     call.metric("bypassed", outcome.bypassed as f64);
+    call.metric("searches", outcome.searches as f64);
     call.metric("low_level_expansions", outcome.low_level as f64);
-    call.metric("lower_bound", outcome.lower_bound);
+    if outcome.lower_bound.is_finite() {
+        call.metric("lower_bound", outcome.lower_bound);
+    }
     match outcome.end {
         End::Solved => {
             submit(call, &outcome.paths);
