@@ -290,6 +290,8 @@ fn discs_pass_narrow_doors_and_touch_what_they_may() {
     let one = [[3.0, 3.0], [17.0, 3.0]];
     in_plane(&door, &[one], Answer::Plan);
     in_plane(&door, &[one, [[17.0, 17.0], [3.0, 17.0]]], Answer::Searched);
+    // From one side of the wall to the other, where the disc touches it.
+    in_plane(&door, &[[[8.5, 3.0], [11.5, 3.0]]], Answer::Plan);
     // Two discs with a millimetre between them, and two that touch.
     for (apart, answer) in [(1.001, Answer::Plan), (1.0, Answer::Searched)] {
         let ends = [
