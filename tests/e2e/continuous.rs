@@ -60,8 +60,7 @@ enum Answer {
 
 /// Asks a planner, whose budget is in nodes too, so that no answer depends on the machine.
 fn ask(yard: &Yard, arguments: &str, planner: &str, answer: Answer) {
-    let command =
-        format!("run {arguments} --planner {planner} --budget 20s --nodes 3000 --format json");
+    let command = format!("run {arguments} --planner {planner} --budget 2m --format json");
     let ended = yard.line(&command);
     if answer == Answer::None && ended.code == Some(INPUT) {
         // What nobody can do is not asked of a planner.
@@ -109,7 +108,7 @@ fn on_roadmap(
     for planner in planners("roadmap") {
         ask(
             &yard,
-            "--task t.task.json --roadmap r.roadmap.json",
+            "--task t.task.json --roadmap r.roadmap.json --nodes 3000",
             &planner,
             answer,
         );
@@ -123,7 +122,7 @@ fn in_plane(obstacles: &Value, agents: &[[[f64; 2]; 2]], answer: Answer) {
         if agents.len() == 1 || !is_of_one(&planner) {
             ask(
                 &yard,
-                "--task t.task.json --representation continuous",
+                "--task t.task.json --representation continuous --nodes 3000",
                 &planner,
                 answer,
             );
@@ -331,7 +330,7 @@ fn two_hundred_discs_cross_a_hall() {
     ] {
         for planner in planners(representation) {
             if !few.contains(&planner.as_str()) {
-                let task = format!("--task {} {view}", hall.display());
+                let task = format!("--task {} {view} --nodes 250", hall.display());
                 ask(&yard, &task, &planner, Answer::Plan);
             }
         }
