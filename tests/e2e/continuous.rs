@@ -330,7 +330,7 @@ fn two_hundred_discs_cross_a_hall() {
     ] {
         for planner in planners(representation) {
             if !few.contains(&planner.as_str()) {
-                let task = format!("--task {} {view} --nodes 250", hall.display());
+                let task = format!("--task {} {view} --nodes 1000", hall.display());
                 ask(&yard, &task, &planner, Answer::Plan);
             }
         }
