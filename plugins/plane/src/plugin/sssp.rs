@@ -122,20 +122,21 @@ impl Planner for Sssp {
         call.metric("first_cost_s", first);
         call.metric("lower_bound", bound);
         submit(&refiner)?;
-        let (mut told, mut work, mut refinements) = (true, 0, 0);
+        // A way that is only shorter is no better plan.
+        let (mut told, mut work, mut refinements) = (first, 0, 0);
+        let is_better = |refiner: &Refiner<'_>, told: f64| refiner.sums()[0] < told - 1e-6;
         let most = self.0.refinements.unwrap_or(u64::MAX);
         while refinements < most && left > 0 && !refiner.is_done() && !stop() {
-            let (better, count) = refiner.attempt();
+            let (_, count) = refiner.attempt();
             (refinements, work) = (refinements + 1, work + count);
             left = left.saturating_sub(count);
-            told &= !better;
-            if !told && work > REPORT * agents.len() as u64 {
+            if work > REPORT * agents.len() as u64 && is_better(&refiner, told) {
                 // One that comes too late is no fault.
                 let _ = submit(&refiner);
-                (told, work) = (true, 0);
+                (told, work) = (refiner.sums()[0], 0);
             }
         }
-        if !told {
+        if is_better(&refiner, told) {
             let _ = submit(&refiner);
         }
         call.metric("refinements", refinements as f64);
