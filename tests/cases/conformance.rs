@@ -182,6 +182,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("si-tangent", IN_HOST),
     ("sssp", IN_WORKER),
     ("sssp", IN_HOST),
+    ("cbs-mp", IN_WORKER),
+    ("cbs-mp", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

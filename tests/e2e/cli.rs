@@ -469,6 +469,7 @@ fn plugins_are_listed_and_described() {
             "tangent",
             "si-tangent",
             "sssp",
+            "cbs-mp",
             "empty",
             "astar",
             "dijkstra",

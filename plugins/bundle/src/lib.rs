@@ -11,7 +11,7 @@ use fleetyard_plugin_plane::plugin::shortest::ShortestTangents;
 use fleetyard_plugin_plane::plugin::sssp::Sssp;
 use fleetyard_plugin_priority::plugin::{Prioritized, PriorityBasedSearch};
 use fleetyard_plugin_roadmap::plugin::{
-    Ccbs, Ctc, Eccbs, RoadmapLacam, RoadmapLns, RoadmapPrioritised,
+    CbsMp, Ccbs, Ctc, Eccbs, RoadmapLacam, RoadmapLns, RoadmapPrioritised,
 };
 use fleetyard_plugin_search::plugin as search;
 
@@ -39,6 +39,7 @@ fleetyard_abi::export! {
         ShortestTangents,
         SafeIntervalTangents,
         Sssp,
+        CbsMp,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

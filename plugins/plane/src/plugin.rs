@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::orders::End;
 use crate::prioritised::{Disc, Effort, Outcome, World, plan};
 
-mod robots;
+pub mod robots;
 pub mod safe_intervals;
 pub mod shortest;
 pub mod sssp;

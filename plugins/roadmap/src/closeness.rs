@@ -24,7 +24,8 @@ const ROUNDING: (f64, f64) = (1e-6, 1e-5);
 #[derive(Debug)]
 pub struct Closeness {
     roadmap: Roadmap,
-    distance: f64,
+    /// The largest radius, with the margin.
+    widest: f64,
     rounding: f64,
     /// Edges that are not the twin of an earlier one, in boxes.
     tracks: Bins,
@@ -80,7 +81,8 @@ struct Beside {
 impl Closeness {
     /// Of a roadmap; nothing but boxes is worked out before it is asked for.
     pub fn new(roadmap: Roadmap) -> Self {
-        let distance = roadmap.separation() * (1.0 + MARGIN);
+        let radii = (0..roadmap.vertices() as Vertex).map(|vertex| roadmap.radius(vertex));
+        let widest = radii.fold(0.0, f64::max) * (1.0 + MARGIN);
         let edges = 0..roadmap.edges() as Edge;
         let edge_of_track: Vec<Edge> = edges.filter(|edge| *edge < roadmap.twin(*edge)).collect();
         let mut track_of_edge = vec![NONE; roadmap.edges()];
@@ -98,7 +100,7 @@ impl Closeness {
         let (share, least) = ROUNDING;
         let rounding = least.max(share * durations.fold(0.0, f64::max));
         let places = (0..roadmap.vertices() as Vertex).map(|vertex| roadmap.place(vertex));
-        let boxes = places.map(|place| Rectangle::around(place, place, distance / 2.0));
+        let boxes = places.map(|place| Rectangle::around(place, place, widest));
         Self {
             tracks: Bins::new(edge_of_track.iter().map(around).collect()),
             places: Bins::new(boxes.collect()),
@@ -110,7 +112,7 @@ impl Closeness {
             beside_tracks: vec![OnceCell::new(); edge_of_track.len()],
             beside_vertices: (0..roadmap.vertices()).map(|_| OnceCell::new()).collect(),
             roadmap,
-            distance,
+            widest,
             rounding,
             edge_of_track,
             track_of_edge,
@@ -122,9 +124,9 @@ impl Closeness {
         &self.roadmap
     }
 
-    /// Centres that are closer than this, in metres, are too close.
-    pub fn distance(&self) -> f64 {
-        self.distance
+    /// Centres of discs at two vertices, or on edges that leave them, are too close if they are closer than this, in metres.
+    pub fn distance(&self, one: Vertex, other: Vertex) -> f64 {
+        self.roadmap.separation(one, other) * (1.0 + MARGIN)
     }
 
     /// Seconds by which the ends of spans of edges may be off, outwards.
@@ -139,7 +141,7 @@ impl Closeness {
         for track in 0..tracks {
             let (motion, mut found) = (self.motion(track), Vec::new());
             self.tracks_near(&motion, track, |other| {
-                found.extend(self.pair(&motion, other));
+                found.extend(self.pair(track, other));
             });
             for pair in &found {
                 if pair.other != track {
@@ -163,7 +165,7 @@ impl Closeness {
         let ahead = edge == self.edge_of_track[track as usize];
         let pairs = self.pairs[track as usize].get_or_init(|| {
             let (motion, mut found) = (self.motion(track), Vec::new());
-            self.tracks_near(&motion, 0, |other| found.extend(self.pair(&motion, other)));
+            self.tracks_near(&motion, 0, |other| found.extend(self.pair(track, other)));
             found
         });
         pairs.iter().flat_map(move |pair| {
@@ -191,8 +193,10 @@ impl Closeness {
         );
         let beside = self.beside_tracks[track as usize].get_or_init(|| {
             let (motion, mut found) = (self.motion(track), Vec::new());
+            let source = self.source(track);
             self.places_near(&motion, |vertex| {
-                let near = motion.near(self.roadmap.place(vertex), self.distance);
+                let distance = self.distance(source, vertex);
+                let near = motion.near(self.roadmap.place(vertex), distance);
                 found.extend(near.map(|near| (vertex, near)));
             });
             found
@@ -226,7 +230,8 @@ impl Closeness {
             let mut beside = Beside::default();
             self.tracks_near(&motion, 0, |track| {
                 let edge = self.edge_of_track[track as usize];
-                let Some(near) = self.motion(track).near(place, self.distance) else {
+                let distance = self.distance(vertex, self.roadmap.source(edge));
+                let Some(near) = self.motion(track).near(place, distance) else {
                     return;
                 };
                 beside.edges.push((edge, near));
@@ -237,7 +242,8 @@ impl Closeness {
                 }
             });
             self.places_near(&motion, |other| {
-                if (self.roadmap.place(other) - place).norm() < self.distance {
+                let apart = (self.roadmap.place(other) - place).norm();
+                if apart < self.distance(vertex, other) {
                     beside.vertices.push(other);
                 }
             });
@@ -249,8 +255,13 @@ impl Closeness {
         self.motions[track as usize]
     }
 
-    fn pair(&self, motion: &Motion, other: u32) -> Option<Pair> {
-        let overlap = motion.overlap(&self.motion(other), self.distance)?;
+    fn source(&self, track: u32) -> Vertex {
+        self.roadmap.source(self.edge_of_track[track as usize])
+    }
+
+    fn pair(&self, track: u32, other: u32) -> Option<Pair> {
+        let distance = self.distance(self.source(track), self.source(other));
+        let overlap = self.motion(track).overlap(&self.motion(other), distance)?;
         Some(Pair::new(other, overlap.forward, overlap.backward))
     }
 
@@ -264,12 +275,12 @@ impl Closeness {
     }
 
     fn tracks_near(&self, motion: &Motion, first: u32, found: impl FnMut(u32)) {
-        let asked = Rectangle::around(motion.from, motion.at(motion.duration), self.distance);
+        let asked = Rectangle::around(motion.from, motion.at(motion.duration), 2.0 * self.widest);
         self.tracks.meeting_from(&asked, first, found);
     }
 
     fn places_near(&self, motion: &Motion, found: impl FnMut(Vertex)) {
-        let asked = Rectangle::around(motion.from, motion.at(motion.duration), self.distance);
+        let asked = Rectangle::around(motion.from, motion.at(motion.duration), 2.0 * self.widest);
         self.places.meeting(&asked, found);
     }
 }

@@ -127,8 +127,6 @@ struct Team<'a> {
     times: Vec<Vec<f64>>,
     /// Of each goal the vertices and edges that are close to it.
     beside: Vec<OnceCell<Beside>>,
-    /// Centres are never closer than this, in metres.
-    distance: f64,
     branching: Branching,
 }
 
@@ -155,7 +153,6 @@ pub fn solve(
         tasks,
         times: Vec::with_capacity(tasks.len()),
         beside: tasks.iter().map(|_| OnceCell::new()).collect(),
-        distance: roadmap.separation() * (1.0 - TOUCH),
         branching: settings.branching,
     };
     let mut tree = Tree::new((0..tasks.len() as u32).collect(), settings.weight);
@@ -220,10 +217,14 @@ impl Team<'_> {
             let (roadmap, goal) = (self.closeness.roadmap(), self.tasks[agent as usize].1);
             let place = roadmap.place(goal);
             let vertices = self.closeness.vertices_of_vertex(goal).iter().copied();
-            let is_close =
-                |vertex: &Vertex| (roadmap.place(*vertex) - place).norm() < self.distance;
+            let is_close = |vertex: &Vertex| {
+                (roadmap.place(*vertex) - place).norm() < self.distance(goal, *vertex)
+            };
             let edges = self.closeness.edges_of_vertex(goal).iter();
-            let near = |edge: Edge| roadmap.motion(edge).near(place, self.distance);
+            let near = |edge: Edge| {
+                let distance = self.distance(goal, roadmap.source(edge));
+                roadmap.motion(edge).near(place, distance)
+            };
             Beside {
                 vertices: vertices.filter(is_close).collect(),
                 edges: edges
@@ -233,10 +234,15 @@ impl Team<'_> {
         })
     }
 
+    /// Centres of discs at two vertices, or on edges that leave them, are never closer than this, in metres.
+    fn distance(&self, one: Vertex, other: Vertex) -> f64 {
+        self.closeness.roadmap().separation(one, other) * (1.0 - TOUCH)
+    }
+
     /// True if two agents start, or end, too close to each other.
     fn is_crowded(&self) -> bool {
         let place = |vertex| self.closeness.roadmap().place(vertex);
-        let close = |a: Vertex, b: Vertex| (place(a) - place(b)).norm() < self.distance;
+        let close = |a: Vertex, b: Vertex| (place(a) - place(b)).norm() < self.distance(a, b);
         let pairs = (0..self.tasks.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
         let tasks = |(i, j): (usize, usize)| (self.tasks[i], self.tasks[j]);
         let mut pairs = pairs.map(tasks);

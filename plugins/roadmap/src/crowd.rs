@@ -276,7 +276,9 @@ impl<'c> Crowd<'c> {
 
     /// True if the centres of two discs are closer than the separation at some time.
     fn are_too_close(&self, one: &[Visit], other: &[Visit]) -> bool {
-        let roadmap = self.closeness.roadmap();
+        let (roadmap, [first, second]) =
+            (self.closeness.roadmap(), [one[0].vertex, other[0].vertex]);
+        let separation = roadmap.separation(first, second);
         let mut times: Vec<f64> = one.iter().chain(other).flat_map(Visit::times).collect();
         times.retain(|time| *time <= self.until);
         times.sort_unstable_by(f64::total_cmp);
@@ -290,7 +292,7 @@ impl<'c> Crowd<'c> {
             } else {
                 0.0
             };
-            (from + drift * at).norm() < roadmap.separation()
+            (from + drift * at).norm() < separation
         })
     }
 

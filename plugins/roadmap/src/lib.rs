@@ -18,6 +18,7 @@
 //! - [`anytime`]: a first plan, then shorter ones;
 //! - [`lns`]: paths of a few discs planned anew at a time;
 //! - [`conflict`]: conflict-based search, optimal or within a factor;
+//! - [`growing`]: the same in the plane, on roadmaps that grow;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
@@ -27,6 +28,7 @@ pub mod conflict;
 pub mod crowd;
 pub mod ctc;
 pub mod drive;
+pub mod growing;
 pub mod lacam;
 pub mod lns;
 pub mod pbs;

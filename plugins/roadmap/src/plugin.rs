@@ -1,16 +1,18 @@
 //! Planners of discs on roadmaps behind the plugin contract.
 //!
 //! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`OnRoadmap`] makes the plugin
-//! of it.
+//! of it. [`CbsMp`] plans in the plane, on roadmaps of its own.
 
 mod anytime;
 mod conflict;
 mod ctc;
+mod growing;
 mod pp;
 
 pub use anytime::{AnytimeOptions, LacamOptions, LnsOptions, RoadmapLacam, RoadmapLns};
 pub use conflict::{BoundedOptions, Ccbs, Eccbs, OptimalOptions};
 pub use ctc::{Ctc, Options as CtcOptions};
+pub use growing::{CbsMp, Options as GrowingOptions};
 pub use pp::{Options as PrioritisedOptions, RoadmapPrioritised};
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};

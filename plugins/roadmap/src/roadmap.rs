@@ -117,7 +117,8 @@ pub struct Roadmap {
     ways_in: Vec<(Vertex, f64)>,
     /// Mean seconds of an edge.
     mean: f64,
-    separation: f64,
+    /// Of every vertex the radius of the discs that come there.
+    radii: Vec<f64>,
     driving: Option<Driving>,
 }
 
@@ -165,11 +166,12 @@ impl Roadmap {
         list.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.3.total_cmp(&b.3)));
         // Of parallel edges a planner needs the fastest.
         list.dedup_by_key(|edge| (edge.0, edge.1));
-        Ok(Self::of_rows(places, &list, separation))
+        let radii = vec![separation / 2.0; places.len()];
+        Ok(Self::of_rows(places, &list, radii))
     }
 
     /// Of rows in their order, of which no two have the same ends and gait.
-    fn of_rows(places: Vec<Vector>, list: &[Row], separation: f64) -> Self {
+    fn of_rows(places: Vec<Vector>, list: &[Row], radii: Vec<f64>) -> Self {
         let starts = offsets(places.len(), list.iter().map(|row| row.0));
         let back = |&(source, target, gait, duration): &Row| {
             let key = (target, source, gait.reversed());
@@ -197,7 +199,7 @@ impl Roadmap {
             mean: list.iter().map(|edge| edge.3).sum::<f64>() / list.len().max(1) as f64,
             entering,
             entering_starts,
-            separation,
+            radii,
             driving: None,
         }
     }
@@ -243,7 +245,7 @@ impl Roadmap {
                     .min((first - even) + (last - even));
             }
         }
-        let mut driven = Self::of_rows(self.places.clone(), &rows, self.separation);
+        let mut driven = Self::of_rows(self.places.clone(), &rows, self.radii.clone());
         let mut line_ahead = vec![NONE; rows.len()];
         for (edge, next) in ahead.iter().enumerate().filter(|_| speed.is_finite()) {
             if *next != NONE {
@@ -393,9 +395,21 @@ impl Roadmap {
         self.twins[edge as usize]
     }
 
-    /// The least distance of two centres, in metres.
-    pub fn separation(&self) -> f64 {
-        self.separation
+    /// The same for discs of several radii, each on a part of its own: the radius of those at each vertex, in metres.
+    #[must_use]
+    pub fn with_radii(self, radii: Vec<f64>) -> Self {
+        debug_assert_eq!(radii.len(), self.vertices(), "a radius for each vertex");
+        Self { radii, ..self }
+    }
+
+    /// The least distance of the centres of two discs at vertices, or on edges that leave them, in metres.
+    pub fn separation(&self, one: Vertex, other: Vertex) -> f64 {
+        self.radius(one) + self.radius(other)
+    }
+
+    /// The radius of discs at a vertex, in metres.
+    pub fn radius(&self, vertex: Vertex) -> f64 {
+        self.radii[vertex as usize]
     }
 
     /// A disc's centre along an edge.

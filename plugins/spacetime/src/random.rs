@@ -44,6 +44,11 @@ impl Random {
         ((u64::from(self.rng.next_u32()) * bound as u64) >> 32) as usize
     }
 
+    /// A number from 0 up to, but not, 1.
+    pub fn share(&mut self) -> f64 {
+        f64::from(self.rng.next_u32()) / (f64::from(u32::MAX) + 1.0)
+    }
+
     /// True once in `n` draws.
     pub fn one_in(&mut self, n: usize) -> bool {
         self.below(n) == 0

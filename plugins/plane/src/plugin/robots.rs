@@ -17,7 +17,7 @@ use crate::tangent::Tangents;
 use crate::timing::Stop;
 
 /// Hands over ways and waits, in layers of these names.
-pub(super) fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
+pub fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
     let about = |agent: usize, annotation: Annotation| Annotation {
         agent: Some(agent as u32),
         ..annotation
@@ -47,7 +47,7 @@ pub(super) fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
 }
 
 /// The world of an environment, with movers as the discs that enclose them.
-pub(super) fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
+pub fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
     let no_plane = || Failure::new(Status::Unsupported, "this planner knows the plane only");
     Ok(world_of(
         Environment::workspace(environment).ok_or_else(no_plane)?,
@@ -85,25 +85,30 @@ fn world_of(workspace: &WorkspaceEnvironment) -> World {
 }
 
 /// A robot as the disc that encloses it, and its headings.
-pub(super) struct Agent {
-    pub(super) disc: Disc,
+#[derive(Debug)]
+pub struct Agent {
+    /// The disc.
+    pub disc: Disc,
     /// The heading at the start, and the turn to that at the goal, if it has headings.
-    pub(super) turn: Option<Turn>,
+    pub turn: Option<Turn>,
 }
 
 /// A turn at the goal.
-pub(super) struct Turn {
-    pub(super) from_rad: f64,
-    pub(super) by_rad: f64,
+#[derive(Debug)]
+pub struct Turn {
+    /// The heading at the start.
+    pub from_rad: f64,
+    /// The turn, positive to the left.
+    pub by_rad: f64,
     /// Radians per second.
-    pub(super) rate: f64,
+    pub rate: f64,
 }
 
 /// Speed of robots without a limit, in metres per second.
 const UNLIMITED: f64 = 1.0;
 
 /// The agents of an instance.
-pub(super) fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
+pub fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
     (0..instance.agents())
         .map(|agent| Agent::new(instance, agent))
         .collect()
@@ -111,10 +116,10 @@ pub(super) fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
 
 /// Longest turn of an arc that is driven as one corner where arcs have to be fine, in radians: two degrees, which makes them
 /// longer by a ten-thousandth.
-pub(super) const FINE: f64 = PI / 90.0;
+pub const FINE: f64 = PI / 90.0;
 
 /// The failure of a team of which this agent's disc was not found to have a way, not even alone.
-pub(super) fn no_way(
+pub fn no_way(
     world: &World,
     instance: &Instance,
     (agent, disc): (usize, &Disc),
@@ -174,7 +179,8 @@ impl Agent {
         })
     }
 
-    pub(super) fn knots(&self, stops: &[Stop]) -> Vec<Knot> {
+    /// The knots of a robot that makes these stops, and turns at the last.
+    pub fn knots(&self, stops: &[Stop]) -> Vec<Knot> {
         let mut knots = Vec::with_capacity(2 * stops.len());
         let from_rad = self.turn.as_ref().map_or(f64::NAN, |turn| turn.from_rad);
         let mut push = |time_s: f64, at: Vector, heading_rad: f64| {

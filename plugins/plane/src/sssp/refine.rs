@@ -353,11 +353,6 @@ fn aligned(robot: &Robot, way: impl IntoIterator<Item = Pose>) -> Vec<Pose> {
     aligned
 }
 
-/// A number from 0 to 1.
-fn share(random: &mut Random) -> f64 {
-    random.below(1 << 16) as f64 / f64::from(1 << 16)
-}
-
 /// A way that goes straight between two of its places, if it can.
 fn shortcut(robot: &Robot, way: &[Pose], random: &mut Random) -> Option<Vec<Pose>> {
     if way.len() < 3 {
@@ -373,7 +368,7 @@ fn shortcut(robot: &Robot, way: &[Pose], random: &mut Random) -> Option<Vec<Pose
         if random.one_in(2) {
             way[at]
         } else {
-            way[leg].toward(&way[leg + 1], share(random))
+            way[leg].toward(&way[leg + 1], random.share())
         }
     };
     let (from, to) = (on(first, first), on(last, last + 1));
@@ -391,12 +386,12 @@ fn detour(robot: &Robot, way: &[Pose], random: &mut Random) -> Option<Vec<Pose>>
     }
     let leg = random.below(way.len() - 1);
     let (from, to) = (way[leg], way[leg + 1]);
-    let mut beside = from.toward(&to, share(random));
+    let mut beside = from.toward(&to, random.share());
     let reach = 8.0 * robot.space.body.radius;
-    let offset = Vector::new(share(random) - 0.5, share(random) - 0.5);
+    let offset = Vector::new(random.share() - 0.5, random.share() - 0.5);
     beside.at += offset * reach;
     if robot.has_heading() {
-        beside.heading += PI * (share(random) - 0.5);
+        beside.heading += PI * (random.share() - 0.5);
     }
     (robot.connects(from, beside) && robot.connects(beside, to)).then(|| {
         let (before, after) = way.split_at(leg + 1);

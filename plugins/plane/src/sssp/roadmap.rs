@@ -108,10 +108,6 @@ impl Sampler {
         (place + turn * turn).sqrt()
     }
 
-    fn unit(&mut self) -> f64 {
-        self.random.below(1 << 32) as f64 / f64::from(u32::MAX)
-    }
-
     /// Any order.
     pub fn shuffle(&mut self, order: &mut [usize]) {
         self.random.shuffle(order);
@@ -120,9 +116,9 @@ impl Sampler {
     /// Any pose in the bounds.
     fn pose(&mut self, robot: &Robot) -> Pose {
         let extent = self.bounds.max - self.bounds.min;
-        let share = Vector::new(self.unit(), self.unit());
+        let share = Vector::new(self.random.share(), self.random.share());
         let heading = if robot.has_heading() {
-            (self.unit() - 0.5) * TAU
+            (self.random.share() - 0.5) * TAU
         } else {
             robot.start.heading
         };

@@ -396,7 +396,7 @@ impl<'a> Team<'a> {
             let most = SOON * self.grounds[self.ground_of[disc]].ground.len() as u64;
             // Who is planned first never waits for others, though it may have to: later attempts let some wait at random.
             let hold = if attempt > 0 && random.one_in(2) {
-                self.least[disc] * fraction(random)
+                self.least[disc] * random.share()
             } else {
                 0.0
             };
@@ -509,7 +509,7 @@ impl<'a> Team<'a> {
         if total <= 1e-6 {
             return None;
         }
-        let mut left = total * fraction(random);
+        let mut left = total * random.share();
         let chosen = delays.iter().position(|delay| {
             left -= delay.max(0.0);
             left < 0.0
@@ -526,7 +526,7 @@ impl<'a> Team<'a> {
             met
         } else {
             // Those that are nearest at some time of its way.
-            let time = arrival(&self.plans[seed]) * fraction(random);
+            let time = arrival(&self.plans[seed]) * random.share();
             let at = position(&self.plans[seed], time);
             let mut near: Vec<(f64, usize)> = (0..self.discs.len())
                 .filter(|disc| *disc != seed)
@@ -579,11 +579,6 @@ impl<'a> Team<'a> {
         }
         cheaper
     }
-}
-
-/// From 0 to 1.
-fn fraction(random: &mut Random) -> f64 {
-    random.below(1 << 20) as f64 / f64::from(1 << 20)
 }
 
 fn arrival(stops: &[Stop]) -> f64 {

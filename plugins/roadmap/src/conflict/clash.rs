@@ -181,18 +181,20 @@ impl Team<'_> {
         } else {
             0.0
         };
-        (apart + drift * nearest).norm_squared() < self.distance * self.distance
+        let distance = self.distance(x.vertex, y.vertex);
+        (apart + drift * nearest).norm_squared() < distance * distance
     }
 
     /// The time at which a drive may begin that comes too close to a segment of another agent, so that this one is gone.
     pub(super) fn clear_of(&self, drive: &Segment, other: &Segment) -> f64 {
         let motion = self.closeness.roadmap().motion(drive.edge);
+        let distance = self.distance(drive.vertex, other.vertex);
         let clear = if other.is_rest() {
-            let near = motion.near(other.place, self.distance);
+            let near = motion.near(other.place, distance);
             near.map(|near| other.to - near.low)
         } else {
             let other_motion = self.closeness.roadmap().motion(other.edge);
-            let overlap = motion.overlap(&other_motion, self.distance);
+            let overlap = motion.overlap(&other_motion, distance);
             overlap.map(|overlap| other.from - overlap.forward.low)
         };
         clear.unwrap_or(drive.from)
@@ -217,10 +219,10 @@ impl Team<'_> {
 }
 
 fn clash(team: &Team<'_>, x: &Segment, y: &Segment) -> Option<Clash> {
-    let roadmap = team.closeness.roadmap();
+    let (roadmap, distance) = (team.closeness.roadmap(), team.distance(x.vertex, y.vertex));
     if !x.is_rest() && !y.is_rest() {
         let (one, other) = (roadmap.motion(x.edge), roadmap.motion(y.edge));
-        let delays = one.overlap(&other, team.distance)?.forward;
+        let delays = one.overlap(&other, distance)?.forward;
         let delay = y.from - x.from;
         let inside = delays.low + INSTANT < delay && delay < delays.high - INSTANT;
         return inside.then_some(Clash::Moves {
@@ -231,7 +233,7 @@ fn clash(team: &Team<'_>, x: &Segment, y: &Segment) -> Option<Clash> {
     }
     let (resting, rest, drive) = if x.is_rest() { (0, x, y) } else { (1, y, x) };
     let motion = roadmap.motion(drive.edge);
-    let near = motion.near(rest.place, team.distance)?;
+    let near = motion.near(rest.place, distance)?;
     let (from, until) = (drive.from + near.low, drive.from + near.high);
     let together = until.min(rest.to) - from.max(rest.from);
     (together > INSTANT).then_some(Clash::Rest {

@@ -12,7 +12,7 @@ use crate::priority::Disc;
 use crate::roadmap::Vertex;
 
 /// Most bytes of a tree, whatever the budget allows: what is least promising is dropped then.
-const MOST_MEMORY: u64 = 64 << 20;
+pub(super) const MOST_MEMORY: u64 = 64 << 20;
 
 /// Options of `ccbs`.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]

@@ -60,7 +60,7 @@ fn the_published_counterexample_costs_nine() {
     assert_eq!(sound.end, End::Solved);
     assert!((sound.cost - 9.0).abs() < 1e-4, "{}", sound.cost);
     assert!((sound.lower_bound - sound.cost).abs() < 1e-6);
-    assert!(least_distance(&roadmap, &sound.paths) > roadmap.separation() - 1e-7);
+    assert!(least_distance(&roadmap, &sound.paths) > roadmap.separation(0, 0) - 1e-7);
     let original = Settings {
         branching: Branching::Original,
         ..Settings::default()
@@ -174,7 +174,7 @@ impl Walks<'_> {
     /// The two ways out of some conflict, where there is one; each may be none.
     fn conflict(&self, times: &[f64]) -> Option<Vec<Difference>> {
         const EPSILON: f64 = 1e-7;
-        let distance = self.roadmap.separation() * (1.0 - 1e-9);
+        let distance = self.roadmap.separation(0, 0) * (1.0 - 1e-9);
         for one in 0..self.chosen.len() {
             for other in (0..self.chosen.len()).filter(|other| *other != one) {
                 let ((start, edges), (_, others)) = (self.chosen[one], self.chosen[other]);
@@ -394,7 +394,7 @@ fn teams_of_forty_are_planned_within_a_factor() {
         assert_eq!(outcome.end, End::Solved, "{name}");
         assert!(outcome.cost < outcome.lower_bound * 1.2 + 1e-6, "{name}");
         let apart = least_distance(&case.roadmap, &outcome.paths);
-        assert!(apart > case.roadmap.separation() - 1e-7, "{apart}");
+        assert!(apart > case.roadmap.separation(0, 0) - 1e-7, "{apart}");
     }
 }
 
