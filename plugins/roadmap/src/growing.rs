@@ -6,12 +6,14 @@
 //!
 //! Robots of the same radius and speed share one: a part of a [`Roadmap`] that has a part for each kind. New vertices are joined with
 //! as many of their nearest as make shortest paths converge to the optimum (S. Karaman, E. Frazzoli, "Sampling-based algorithms for
-//! optimal motion planning", IJRR 30(7), 2011: k-PRM\*). The paper samples motions to find conflicts; here the times are exact
+//! optimal motion planning", IJRR 30(7), 2011: k-PRM\*). Shortest ways of robots alone, which are tangents, are there from the
+//! beginning: they find doors that few drawn places do. The paper samples motions to find conflicts; here the times are exact
 //! ([`crate::conflict`]). Each time a plan within a factor comes first, then, if few nodes suffice, the best one.
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::obstacles::Obstacles;
 use fleetyard_plugin_plane::prioritised::{Disc, World};
+use fleetyard_plugin_plane::tangent::Tangents;
 use fleetyard_plugin_plane::timing::Stop;
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -29,8 +31,8 @@ const DRAWS: usize = 200;
 /// The factor within which the first plan on a roadmap is the cheapest.
 const FIRST_WEIGHT: f64 = 1.2;
 
-/// Most nodes to search on one roadmap, for the first plan and for the best: then it grows.
-const NODES: [u64; 2] = [4000, 2000];
+/// Most nodes to search on the first roadmap, for a plan within the factor and for the best; twice as many on each later one.
+const NODES: [u64; 2] = [200, 100];
 
 /// Choices of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +78,8 @@ pub enum End {
     Spent,
     /// Roadmaps are as large as they get, and have no plan.
     Grown,
+    /// This robot has no way, whatever the others do.
+    NoWay(usize),
 }
 
 /// Figures of a search.
@@ -100,9 +104,15 @@ pub fn plan(
     submit: &mut dyn FnMut(&[Vec<Stop>]),
 ) -> (End, Figures) {
     let clearance = settings.clearance.min(room_between(discs));
-    let mut parts = parts(world, discs, settings.clearance);
+    let mut figures = Figures::default();
+    let mut parts = match parts(world, discs, settings.clearance, control.stop) {
+        Ok(parts) => parts,
+        Err(_) if (control.stop)() => return (End::Spent, figures),
+        Err(robot) => return (End::NoWay(robot), figures),
+    };
+    let least: f64 = parts.iter().map(|part| part.alone).sum();
     let mut random = Random::new(settings.seed, 0);
-    let (mut figures, mut best) = (Figures::default(), f64::INFINITY);
+    let mut best = f64::INFINITY;
     let mut wanted = settings.vertices;
     let end = loop {
         let mut is_full = false;
@@ -120,7 +130,7 @@ pub fn plan(
         for (weight, limit) in [FIRST_WEIGHT, 1.0].into_iter().zip(NODES) {
             let search = conflict::Settings {
                 weight,
-                node_limit: Some(limit.min(control.left())),
+                node_limit: Some((limit << figures.growths.min(32)).min(control.left())),
                 memory_limit: settings.memory,
                 ..conflict::Settings::default()
             };
@@ -144,7 +154,9 @@ pub fn plan(
                 break;
             }
         }
-        if best.is_finite() && !settings.anytime || is_full && is_best {
+        // Nobody gives way to anybody, or roadmaps have no better plan.
+        let is_least = best <= least * (1.0 + 1e-9) || is_full && is_best;
+        if best.is_finite() && !settings.anytime || is_least {
             break End::Solved;
         }
         if control.is_spent() {
@@ -180,65 +192,87 @@ struct Part {
     low: Vector,
     extent: Vector,
     places: Vec<Vector>,
-    /// Number of places that are starts or goals.
+    /// Number of places that are on the way of a robot alone.
     pinned: usize,
     edges: Vec<(u32, u32)>,
     /// Of each robot its number, start and goal.
     robots: Vec<(usize, u32, u32)>,
+    /// Seconds that all robots need alone.
+    alone: f64,
 }
 
-/// A part for each kind of discs, with their starts and goals.
-fn parts(world: &World, discs: &[Disc], clearance: f64) -> Vec<Part> {
-    let mut parts: Vec<Part> = Vec::new();
-    let is_of = |part: &Part, disc: &Disc| {
-        let same = |a: f64, b: f64| a.total_cmp(&b).is_eq();
-        same(part.radius, disc.radius) && same(part.speed, disc.speed)
-    };
+/// A part for each kind of discs, with their starts and goals and the shortest ways of each alone, which pass where no place is
+/// drawn. The number of a disc that has none, if there is one.
+fn parts(
+    world: &World,
+    discs: &[Disc],
+    clearance: f64,
+    stop: &mut dyn FnMut() -> bool,
+) -> Result<Vec<Part>, usize> {
+    let same = |a: f64, b: f64| a.total_cmp(&b).is_eq();
+    let mut kinds: Vec<Vec<usize>> = Vec::new();
     for (number, disc) in discs.iter().enumerate() {
-        let at = parts.iter().position(|part| is_of(part, disc));
-        let at = at.unwrap_or_else(|| {
-            let alike = || discs.iter().filter(|other| other.radius == disc.radius);
-            let around = |margin: f64| {
-                Obstacles::new(world.polygons.clone(), world.bounds, disc.radius + margin)
-            };
-            let wide = around(clearance);
-            let has_room = alike().all(|disc| wide.free(disc.start) && wide.free(disc.goal));
-            let obstacles = if has_room { wide } else { around(0.0) };
-            let margin = Vector::repeat(obstacles.radius());
-            parts.push(Part {
-                radius: disc.radius,
-                speed: disc.speed,
-                obstacles,
-                low: world.bounds.min + margin,
-                extent: (world.bounds.max - world.bounds.min - margin * 2.0).sup(&Vector::zeros()),
-                places: Vec::new(),
-                pinned: 0,
-                edges: Vec::new(),
-                robots: Vec::new(),
-            });
-            parts.len() - 1
-        });
-        let part = &mut parts[at];
-        let (start, goal) = (part.pin(disc.start), part.pin(disc.goal));
-        part.robots.push((number, start, goal));
+        let is_like = |kind: &Vec<usize>| {
+            let other = &discs[kind[0]];
+            same(other.radius, disc.radius) && same(other.speed, disc.speed)
+        };
+        match kinds.iter_mut().find(|kind| is_like(kind)) {
+            Some(kind) => kind.push(number),
+            None => kinds.push(vec![number]),
+        }
     }
-    for part in &mut parts {
+    let mut parts = Vec::with_capacity(kinds.len());
+    for kind in kinds {
+        let Disc { radius, speed, .. } = discs[kind[0]];
+        let mut ways = |margin: f64| -> Result<(Obstacles, Vec<Vec<Vector>>), usize> {
+            let obstacles = Obstacles::new(world.polygons.clone(), world.bounds, radius + margin);
+            let mut tangents = Tangents::new(&obstacles);
+            let ways = kind.iter().map(|number| {
+                let disc = &discs[*number];
+                let way = tangents.shortest(disc.start, disc.goal, stop);
+                way.map(|way| way.places).ok_or(*number)
+            });
+            let ways: Vec<Vec<Vector>> = ways.collect::<Result<_, _>>()?;
+            Ok((obstacles, ways))
+        };
+        // One kind of robots needs one distance from obstacles.
+        let (obstacles, ways) = ways(clearance).or_else(|_| ways(0.0))?;
+        let margin = Vector::repeat(obstacles.radius());
+        let mut part = Part {
+            radius,
+            speed,
+            low: world.bounds.min + margin,
+            extent: (world.bounds.max - world.bounds.min - margin * 2.0).sup(&Vector::zeros()),
+            obstacles,
+            places: Vec::new(),
+            pinned: 0,
+            edges: Vec::new(),
+            robots: Vec::new(),
+            alone: 0.0,
+        };
+        for (number, way) in kind.iter().zip(&ways) {
+            let disc = &discs[*number];
+            let (start, goal) = (part.pin(disc.start), part.pin(disc.goal));
+            part.robots.push((*number, start, goal));
+            let way: Vec<u32> = way.iter().map(|place| part.pin(*place)).collect();
+            let legs = way.windows(2).filter(|leg| leg[0] != leg[1]);
+            for leg in legs {
+                let [from, to] = [leg[0], leg[1]].map(|vertex| part.places[vertex as usize]);
+                part.alone += (to - from).norm() / speed;
+                part.edges.push((leg[0], leg[1]));
+            }
+        }
         part.pinned = part.places.len();
         for at in 0..part.pinned {
             part.join(at);
         }
-        for (_, start, goal) in part.robots.clone() {
-            let [from, to] = [start, goal].map(|vertex| part.places[vertex as usize]);
-            if start != goal && part.obstacles.clear(from, to) {
-                part.edges.push((start.min(goal), start.max(goal)));
-            }
-        }
+        parts.push(part);
     }
-    parts
+    Ok(parts)
 }
 
 impl Part {
-    /// The vertex of a start or goal.
+    /// The vertex of a place that is not drawn.
     fn pin(&mut self, place: Vector) -> u32 {
         let known = self.places.iter().position(|known| *known == place);
         known.unwrap_or_else(|| {
@@ -247,7 +281,7 @@ impl Part {
         }) as u32
     }
 
-    /// Draws vertices until there are so many beside starts and goals. False if there is no room for so many.
+    /// Draws vertices until there are so many beside those of ways. False if there is no room for so many.
     fn grow(&mut self, wanted: usize, random: &mut Random, control: &mut Control<'_>) -> bool {
         let wanted = (wanted + self.pinned).min(MOST_VERTICES);
         while self.places.len() < wanted && !control.is_spent() {

@@ -6,6 +6,7 @@
 mod anytime;
 mod conflict;
 mod ctc;
+mod growing;
 mod support;
 
 use std::collections::BTreeSet;

@@ -143,9 +143,13 @@ impl Planner for SafeIntervalTangents {
                 );
                 Err(Failure::new(Status::GaveUp, reason))
             }
-            Outcome::Stopped => {
-                let reason = "a limit was met before a plan was found";
+            Outcome::Stopped if call.stop() => {
+                let reason = "the budget ended before a plan was found";
                 Err(Failure::new(Status::TimedOut, reason))
+            }
+            Outcome::Stopped => {
+                let reason = "the limit of nodes was met before a plan was found";
+                Err(Failure::new(Status::GaveUp, reason))
             }
         }
     }

@@ -128,14 +128,10 @@ impl Planner for CbsMp {
             }
             return Ok(());
         }
-        // A robot that has no way alone makes all others pointless.
-        for of in discs.iter().enumerate() {
-            let failure = no_way(world, instance, of, &mut || call.stop());
-            if failure.status == Status::Infeasible {
-                return Err(failure);
-            }
-        }
         Err(match end {
+            End::NoWay(agent) => {
+                no_way(world, instance, (agent, &discs[agent]), &mut || call.stop())
+            }
             End::Spent if call.stop() => {
                 Failure::new(Status::TimedOut, "the budget ended before a plan was found")
             }
