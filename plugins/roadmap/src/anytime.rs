@@ -1,8 +1,8 @@
 //! Plans that get shorter as long as there is time: a first plan, then large neighbourhood search.
 //!
-//! The first plan comes of repairs ([`lns::repair`](crate::lns::repair)) or of steps ([`lacam`](crate::lacam)). Steps are many times
-//! faster and cost up to twice as much, since everybody waits for everybody in every step and the order in which discs pass stays;
-//! so repairs make another plan after them, and the better one is improved.
+//! The first plan comes of repairs ([`crate::lns::repair`]) or of steps ([`crate::lacam`]). Steps are many times faster and cost
+//! up to twice as much, since everybody waits for everybody in every step and the order in which discs pass stays; so repairs make
+//! another plan after them, and the better one is improved.
 
 use crate::closeness::Closeness;
 use crate::lacam::{self, schedule};

@@ -3,7 +3,7 @@
 //! K. Kasaura, M. Nishimura, R. Yonetani, "Prioritized safe interval path planning for multi-agent pathfinding with continuous
 //! time on 2D roadmaps", RA-L 7(4), 2022, plan in one order. Where roadmap vertices are closer than the separation a disc at its
 //! goal blocks several of them, and one order seldom does. So others are tried, in which those come first that found no path
-//! ([`priority`](crate::priority)). Then priorities are searched for where discs meet ([`pbs`](crate::pbs)): that takes longer, and
+//! ([`crate::priority`]). Then priorities are searched for where discs meet ([`crate::pbs`]): that takes longer, and
 //! leads to shorter paths, since fewer discs give way.
 
 use fleetyard_plugin_plane::orders;
