@@ -15,11 +15,28 @@ use crate::roadmap::Vertex;
 pub(super) const MOST_MEMORY: u64 = 64 << 20;
 
 /// Options of `ccbs`.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct OptimalOptions {
     /// The constraints that resolve a move past an agent at rest.
     branching: Branching,
+    /// Take over paths of children that avoid a conflict at no cost.
+    bypass: bool,
+    /// Let one child of a split say what the other forbids; the original branching never does.
+    disjoint_splitting: bool,
+    /// Bound the cost of a node by searches for pairs of agents.
+    heuristic: bool,
+}
+
+impl Default for OptimalOptions {
+    fn default() -> Self {
+        Self {
+            branching: Branching::Sound,
+            bypass: true,
+            disjoint_splitting: true,
+            heuristic: true,
+        }
+    }
 }
 
 impl Method for OptimalOptions {
@@ -34,6 +51,9 @@ impl Method for OptimalOptions {
     fn solve(&self, team: Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
         let settings = Settings {
             branching: self.branching,
+            bypass: self.bypass,
+            disjoint: self.disjoint_splitting,
+            pairs: self.heuristic,
             ..Settings::default()
         };
         search(&team, settings, call)
