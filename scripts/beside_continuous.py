@@ -374,7 +374,7 @@ def teams(planner):
                 rows = [bench.run(planner, problem, team) for problem in problems]
                 known = [peers.get(("SI-CPP", problem.name, team), [None])[0] for problem in problems]
                 pairs = [(row, peer) for row, peer in zip(rows, known) if peer and solved(row)]
-                lines.append([world, team, tally(rows), f"{sum(map(bool, known))}/{len(known)}",
+                lines.append([world, team, tally(rows), f"{sum(map(bool, known))}/{len(known)}" if any(known) else "-",
                               median(row["first_s"] for row in rows if solved(row)), median(row["first_s"] / float(peer["cpu_s"]) for row, peer in pairs),
                               median(row["cost"] / float(peer["cost"]) for row, peer in pairs)])
         heads = ["world", "N", "solved", "SI-CPP", "first plan s", "time ratio", "cost ratio in the end"]

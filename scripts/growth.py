@@ -31,7 +31,7 @@ def read(path):
     known = {}
     for row in rows:
         cpu = float(row["cpu_time_ms"]) + float(row["prepare_time_ms"])
-        known[row["planner"], row["view"], int(row["agents"])] = (cpu, float(row["peak_memory_kb"]) / 1024)
+        known[row["planner_id"], row["view"], int(row["agents"])] = (cpu, float(row["peak_memory_kb"]) / 1024)
     return known
 
 

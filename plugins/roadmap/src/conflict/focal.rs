@@ -17,6 +17,9 @@ use crate::roadmap::{Edge, NONE, Roadmap, Vertex};
 /// Expansions after which the earliest path has to do.
 const PATIENCE: u32 = 3000;
 
+/// Expansions between two calls of `stop`: one counts whom each of its drives meets.
+const BETWEEN_STOPS: u32 = 32;
+
 /// Departures on one edge that are tried.
 const DEPARTURES: usize = 3;
 
@@ -169,6 +172,9 @@ impl Focal {
             patience -= 1;
             if patience == 0 {
                 return Ok(None);
+            }
+            if patience.is_multiple_of(BETWEEN_STOPS) && stop() {
+                return Err(Stopped);
             }
             for edge in roadmap.leaving(from.vertex) {
                 self.drive(&asked, (state, edge, from.arrival));
