@@ -1,4 +1,7 @@
-//! The planner behind the plugin contract: id `plane-pp`.
+//! Planners in the plane behind the plugin contract.
+//!
+//! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`InPlane`] makes the plugin of it.
+//! Here is that of `plane-pp`.
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
@@ -6,20 +9,126 @@ use fleetyard_abi::{
 };
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
 use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::orders::End;
 use crate::prioritised::{Disc, Effort, Outcome, World, plan};
+use crate::timing::Stop;
 
 pub mod robots;
 pub mod safe_intervals;
 pub mod shortest;
 pub mod sssp;
 
-use robots::{agents, no_way, show, world};
+use robots::{Agent, agents, no_way, show, world};
 
 /// The dynamics of robots that may set out, turn and stop in no time.
-pub const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
+const SINGLE_INTEGRATOR: &str = "fleetyard.single-integrator/1";
+
+/// A way to plan; the type is that of its options.
+pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
+    /// The identifier.
+    const ID: &'static str;
+    /// The name.
+    const NAME: &'static str;
+    /// The method in a sentence or two, with its source.
+    const ABOUT: &'static str;
+    /// Capabilities besides [`Capability::Continuous`], [`Capability::Dynamics`] and [`Capability::Deterministic`].
+    const CAPABILITIES: &'static [Capability];
+
+    /// Plans for a team, and submits plans to the call.
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure>;
+}
+
+/// A team in a world.
+#[derive(Debug)]
+pub struct Team<'a> {
+    /// The world.
+    pub world: &'a World,
+    /// The instance.
+    pub instance: &'a Instance,
+    /// Its robots.
+    pub agents: Vec<Agent>,
+}
+
+impl Team<'_> {
+    /// The discs of all robots.
+    pub fn discs(&self) -> Vec<Disc> {
+        self.agents.iter().map(|agent| agent.disc).collect()
+    }
+
+    /// Submits a plan by the stops of every robot.
+    pub fn submit(&self, call: &Call<'_>, plans: &[Vec<Stop>]) {
+        let knots = self.agents.iter().zip(plans);
+        let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
+        call.submit(&knots);
+    }
+
+    /// The failure where a robot was not found to have a way, not even alone.
+    pub fn no_way(&self, agent: usize, call: &Call<'_>) -> Failure {
+        let of = (agent, &self.agents[agent].disc);
+        no_way(self.world, self.instance, of, &mut || call.stop())
+    }
+}
+
+/// Hands over the ways and waits of a plan, if somebody wants to see them.
+pub fn annotate(call: &Call<'_>, plans: &[Vec<Stop>]) {
+    if let Some(annotations) = call.annotations() {
+        show(plans, annotations);
+    }
+}
+
+/// The plugin of a [`Method`].
+#[derive(Debug)]
+pub struct InPlane<M>(M);
+
+impl<M: Method> Plugin for InPlane<M> {
+    fn descriptor() -> Descriptor {
+        let common = &[
+            Capability::Continuous,
+            Capability::Dynamics,
+            Capability::Deterministic,
+        ];
+        let names = (M::ID, M::NAME);
+        Descriptor {
+            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
+            ..described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
+        }
+    }
+
+    fn create(options: Options<'_>) -> Result<Self, Failure> {
+        parse(options, |_| Ok(())).map(Self)
+    }
+}
+
+impl<M: Method> Planner for InPlane<M> {
+    type Map = World;
+
+    fn prepare(
+        &mut self,
+        environment: &SharedEnvironment,
+        _: &Budget,
+        _: &dyn Sink,
+    ) -> Result<World, Failure> {
+        world(environment)
+    }
+
+    fn plan(
+        &mut self,
+        world: &mut World,
+        instance: &Instance,
+        budget: &Budget,
+        sink: &dyn Sink,
+    ) -> Result<(), Failure> {
+        let team = Team {
+            world,
+            instance,
+            agents: agents(instance)?,
+        };
+        self.0.solve(&team, &Call::new(budget, sink))
+    }
+}
 
 /// Options of `plane-pp` and `roadmap-pp`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -78,80 +187,37 @@ impl Default for PlaneOptions {
 }
 
 /// Prioritised planning of discs in the plane.
-#[derive(Debug)]
-pub struct PlanePrioritised(PlaneOptions);
+pub type PlanePrioritised = InPlane<PlaneOptions>;
 
-impl Plugin for PlanePrioritised {
-    fn descriptor() -> Descriptor {
-        let about = "Plans robots in the plane one after the other, as discs: each goes a shortest \
-            way among the obstacles, by a tangent graph that is made as it is needed, and waits \
-            where others pass (Cap, Novak, Kleiner, Selecky, IEEE T-ASE 2015). Neither complete \
-            nor optimal.";
-        let names = ("plane-pp", "Prioritised planning in the plane");
-        let capabilities = [
-            Capability::Continuous,
-            Capability::Dynamics,
-            Capability::Heterogeneous,
-            Capability::Deterministic,
-        ];
-        Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<PlaneOptions>(Kind::Planner, names, about, [&capabilities, &[]])
-        }
-    }
+impl Method for PlaneOptions {
+    const ID: &'static str = "plane-pp";
+    const NAME: &'static str = "Prioritised planning in the plane";
+    const ABOUT: &'static str = "Plans robots in the plane one after the other, as discs: each goes a shortest \
+         way among the obstacles, by a tangent graph that is made as it is needed, and waits \
+         where others pass (Cap, Novak, Kleiner, Selecky, IEEE T-ASE 2015). Neither complete \
+         nor optimal.";
+    const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous];
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
-    }
-}
-
-impl Planner for PlanePrioritised {
-    type Map = World;
-
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<World, Failure> {
-        world(environment)
-    }
-
-    fn plan(
-        &mut self,
-        world: &mut World,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        let call = Call::new(budget, sink);
-        let agents = agents(instance)?;
-        let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
         let orders = OrderOptions {
-            orders: self.0.orders,
+            orders: self.orders,
         };
         let effort = Effort {
-            clearance: self.0.clearance_m,
-            limit: orders.within(budget),
-            seed: budget.seed,
+            clearance: self.clearance_m,
+            limit: orders.within(call.budget),
+            seed: call.budget.seed,
         };
-        match plan(world, &discs, effort, &mut || call.stop()) {
+        match plan(team.world, &team.discs(), effort, &mut || call.stop()) {
             Outcome::Ordered { end, orders } => {
                 call.metric("nodes", orders as f64);
                 let End::Solved(stops) = end else {
                     return Err(unsolved(end == End::Stopped, orders));
                 };
-                if let Some(annotations) = call.annotations() {
-                    show(&stops, annotations);
-                }
-                let knots = agents.iter().zip(&stops);
-                let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
-                Ok(sink.submit(&knots)?)
+                annotate(call, &stops);
+                team.submit(call, &stops);
+                Ok(())
             }
-            Outcome::NoWay(agent) => {
-                let of = (agent, &discs[agent]);
-                Err(no_way(world, instance, of, &mut || call.stop()))
-            }
+            Outcome::NoWay(agent) => Err(team.no_way(agent, call)),
             Outcome::Stopped => Err(unsolved(true, 0)),
         }
     }

@@ -17,7 +17,7 @@ use crate::tangent::Tangents;
 use crate::timing::Stop;
 
 /// Hands over ways and waits, in layers of these names.
-pub fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
+pub(super) fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
     let about = |agent: usize, annotation: Annotation| Annotation {
         agent: Some(agent as u32),
         ..annotation
@@ -47,7 +47,7 @@ pub fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
 }
 
 /// The world of an environment, with movers as the discs that enclose them.
-pub fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
+pub(super) fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
     let no_plane = || Failure::new(Status::Unsupported, "this planner knows the plane only");
     Ok(world_of(
         Environment::workspace(environment).ok_or_else(no_plane)?,
@@ -108,7 +108,7 @@ pub struct Turn {
 const UNLIMITED: f64 = 1.0;
 
 /// The agents of an instance.
-pub fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
+pub(super) fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
     (0..instance.agents())
         .map(|agent| Agent::new(instance, agent))
         .collect()
@@ -116,10 +116,10 @@ pub fn agents(instance: &Instance) -> Result<Vec<Agent>, Failure> {
 
 /// Longest turn of an arc that is driven as one corner where arcs have to be fine, in radians: two degrees, which makes them
 /// longer by a ten-thousandth.
-pub const FINE: f64 = PI / 90.0;
+pub(super) const FINE: f64 = PI / 90.0;
 
 /// The failure of a team of which this agent's disc was not found to have a way, not even alone.
-pub fn no_way(
+pub(super) fn no_way(
     world: &World,
     instance: &Instance,
     (agent, disc): (usize, &Disc),

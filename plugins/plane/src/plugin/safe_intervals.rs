@@ -1,16 +1,12 @@
 //! The planner of teams in space and time behind the plugin contract: id `si-tangent`.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
-use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
-};
-use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Status};
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SINGLE_INTEGRATOR;
-use super::robots::{agents, no_way, show, world};
-use crate::prioritised::{Disc, World};
+use super::{InPlane, Method, Team, annotate};
 use crate::team::plan::{Effort, Outcome, plan};
 use crate::team::search::Control;
 use crate::timing::Stop;
@@ -42,63 +38,25 @@ impl Default for SafeIntervals {
 }
 
 /// Safe-interval path planning of discs in the plane.
-#[derive(Debug)]
-pub struct SafeIntervalTangents(SafeIntervals);
+pub type SafeIntervalTangents = InPlane<SafeIntervals>;
 
-impl Plugin for SafeIntervalTangents {
-    fn descriptor() -> Descriptor {
-        let about = "Anytime: plans robots in the plane as discs, each the earliest way in space and \
-            time among the others by safe intervals (Phillips, Likhachev, ICRA 2011), on a \
-            tangent graph with places to wait at. Who finds no way pushes others out, who plan \
-            anew; then a few robots at a time are planned again (Li, Chen, Harabor, Stuckey, \
-            Koenig, IJCAI 2021), until the budget ends. Neither complete nor optimal.";
-        let names = ("si-tangent", "Safe intervals on a tangent graph");
-        let capabilities = [
-            Capability::Continuous,
-            Capability::Dynamics,
-            Capability::Heterogeneous,
-            Capability::Anytime,
-            Capability::Deterministic,
-        ];
-        Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<SafeIntervals>(Kind::Planner, names, about, [&capabilities, &[]])
-        }
-    }
+impl Method for SafeIntervals {
+    const ID: &'static str = "si-tangent";
+    const NAME: &'static str = "Safe intervals on a tangent graph";
+    const ABOUT: &'static str = "Anytime: plans robots in the plane as discs, each the earliest way in space and \
+         time among the others by safe intervals (Phillips, Likhachev, ICRA 2011), on a \
+         tangent graph with places to wait at. Who finds no way pushes others out, who plan \
+         anew; then a few robots at a time are planned again (Li, Chen, Harabor, Stuckey, \
+         Koenig, IJCAI 2021), until the budget ends. Neither complete nor optimal.";
+    const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous, Capability::Anytime];
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
-    }
-}
-
-impl Planner for SafeIntervalTangents {
-    type Map = World;
-
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<World, Failure> {
-        world(environment)
-    }
-
-    fn plan(
-        &mut self,
-        world: &mut World,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        let call = Call::new(budget, sink);
-        let agents = agents(instance)?;
-        let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
         let effort = Effort {
-            clearance: self.0.clearance_m,
-            neighborhood: self.0.neighborhood as usize,
-            rounds: self.0.rounds.unwrap_or(u64::MAX),
-            memory: budget.memory_bytes,
-            seed: budget.seed,
+            clearance: self.clearance_m,
+            neighborhood: self.neighborhood as usize,
+            rounds: self.rounds.unwrap_or(u64::MAX),
+            memory: call.budget.memory_bytes,
+            seed: call.budget.seed,
         };
         let mut control = Control {
             stop: &mut || call.stop(),
@@ -107,13 +65,12 @@ impl Planner for SafeIntervalTangents {
             expanded: 0,
         };
         let mut best: Vec<Vec<Stop>> = Vec::new();
-        let (outcome, figures) = plan(world, &discs, effort, &mut control, &mut |plans| {
-            let knots = agents.iter().zip(plans);
-            let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
-            // One that comes too late is no fault.
-            let _ = sink.submit(&knots);
+        let mut told = |plans: &[Vec<Stop>]| {
+            team.submit(call, plans);
             best = plans.to_vec();
-        });
+        };
+        let discs = team.discs();
+        let (outcome, figures) = plan(team.world, &discs, effort, &mut control, &mut told);
         for (name, value) in [
             ("expansions", control.expanded),
             ("nodes", control.searches),
@@ -124,15 +81,10 @@ impl Planner for SafeIntervalTangents {
         }
         match outcome {
             Outcome::Solved => {
-                if let Some(annotations) = call.annotations() {
-                    show(&best, annotations);
-                }
+                annotate(call, &best);
                 Ok(())
             }
-            Outcome::NoWay(agent) => {
-                let of = (agent, &discs[agent]);
-                Err(no_way(world, instance, of, &mut || call.stop()))
-            }
+            Outcome::NoWay(agent) => Err(team.no_way(agent, call)),
             Outcome::GaveUp(0) => {
                 let reason = "a robot finds no way among the movers, not even alone";
                 Err(Failure::new(Status::GaveUp, reason))

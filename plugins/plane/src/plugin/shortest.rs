@@ -1,15 +1,13 @@
 //! The planner of shortest paths behind the plugin contract: id `tangent`.
 
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
-use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
-};
-use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Status};
+use fleetyard_plugin_spacetime::plugin::Call;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SINGLE_INTEGRATOR;
-use super::robots::{FINE, agents, no_way, show, world};
+use super::robots::FINE;
+use super::{InPlane, Method, Team, annotate};
 use crate::obstacles::Obstacles;
 use crate::prioritised::{Disc, World};
 use crate::tangent::{Tangents, Way};
@@ -26,52 +24,18 @@ pub struct Shortest {
 }
 
 /// The shortest path of one disc among polygons.
-#[derive(Debug)]
-pub struct ShortestTangents(Shortest);
+pub type ShortestTangents = InPlane<Shortest>;
 
-impl Plugin for ShortestTangents {
-    fn descriptor() -> Descriptor {
-        let about = "Plans one robot in the plane, as a disc: the shortest path among polygons, which is made of \
-            tangents of circles round corners and arcs between them (Liu, Arimoto, IJRR 1992). Tangents are \
-            made and tested as they are needed. Complete and optimal for discs; teams are for si-tangent.";
-        let names = ("tangent", "Tangent graph");
-        let capabilities = [
-            Capability::Continuous,
-            Capability::Dynamics,
-            Capability::Deterministic,
-        ];
-        Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<Shortest>(Kind::Planner, names, about, [&capabilities, &[]])
-        }
-    }
+impl Method for Shortest {
+    const ID: &'static str = "tangent";
+    const NAME: &'static str = "Tangent graph";
+    const ABOUT: &'static str = "Plans one robot in the plane, as a disc: the shortest path among polygons, which is made of \
+         tangents of circles round corners and arcs between them (Liu, Arimoto, IJRR 1992). Tangents are \
+         made and tested as they are needed. Complete and optimal for discs; teams are for si-tangent.";
+    const CAPABILITIES: &'static [Capability] = &[];
 
-    fn create(options: Options<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
-    }
-}
-
-impl Planner for ShortestTangents {
-    type Map = World;
-
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<World, Failure> {
-        world(environment)
-    }
-
-    fn plan(
-        &mut self,
-        world: &mut World,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        let call = Call::new(budget, sink);
-        let agents = agents(instance)?;
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        let Team { world, agents, .. } = team;
         let unsupported = |reason: String| Failure::new(Status::Unsupported, reason);
         let [agent] = agents.as_slice() else {
             return Err(unsupported(format!(
@@ -88,12 +52,12 @@ impl Planner for ShortestTangents {
         let mut search = Search {
             world,
             disc: agent.disc,
-            call: &call,
+            call,
             expanded: 0,
             offered: 0,
             tested: 0,
         };
-        let clearance = self.0.clearance_m;
+        let clearance = self.clearance_m;
         let mut found = None;
         if clearance > 0.0 {
             found = search.shortest(agent.disc.radius + clearance);
@@ -111,18 +75,15 @@ impl Planner for ShortestTangents {
                 let reason = "a limit was met before a way was found";
                 return Err(Failure::new(Status::TimedOut, reason));
             }
-            return Err(no_way(world, instance, (0, &agent.disc), &mut || {
-                call.stop()
-            }));
+            return Err(team.no_way(0, call));
         };
         // Of the path with true arcs; the plan's is a little longer.
         call.metric("length_m", way.length);
         let stops = driven(&way, agent.disc.speed);
-        if let Some(annotations) = call.annotations() {
-            show(std::slice::from_ref(&stops), annotations);
-        }
-        let knots: KnotPlan = std::iter::once(agent.knots(&stops)).collect();
-        Ok(sink.submit(&knots)?)
+        let plans = [stops];
+        annotate(call, &plans);
+        team.submit(call, &plans);
+        Ok(())
     }
 }
 

@@ -2,14 +2,12 @@
 
 use std::rc::Rc;
 
-use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink};
-use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, Knot, KnotPlan, SharedEnvironment, Status,
-};
-use fleetyard_plugin_spacetime::plugin::{Call, described, half_of_memory, parse};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Instance, Knot, KnotPlan, Status};
+use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 
-use super::SINGLE_INTEGRATOR;
-use super::robots::{Agent, agents, no_way, world};
+use super::robots::Agent;
+use super::{InPlane, Method, Team};
 use crate::Vector;
 use crate::obstacles::Disc;
 use crate::prioritised::{Mover, World};
@@ -28,63 +26,33 @@ const ORDERS: u64 = 1000;
 const REPORT: u64 = 1;
 
 /// Sampling and search at once.
-#[derive(Debug)]
-pub struct Sssp(Options);
+pub type Sssp = InPlane<Options>;
 
-impl Plugin for Sssp {
-    fn descriptor() -> Descriptor {
-        let about = "Anytime: samples a roadmap for every robot where a greedy search for the team \
-            goes, one robot at a time (SSSP: Okumura, Defago, IJCAI 2023), then lets all move at \
-            once and makes ways and times better until the budget ends. Discs and convex polygons.";
-        let capabilities = [
-            Capability::Continuous,
-            Capability::Dynamics,
-            Capability::Heterogeneous,
-            Capability::Anytime,
-            Capability::Deterministic,
-        ];
-        Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<Options>(Kind::Planner, ("sssp", "SSSP"), about, [&capabilities, &[]])
-        }
-    }
+impl Method for Options {
+    const ID: &'static str = "sssp";
+    const NAME: &'static str = "SSSP";
+    const ABOUT: &'static str = "Anytime: samples a roadmap for every robot where a greedy search for the team \
+         goes, one robot at a time (SSSP: Okumura, Defago, IJCAI 2023), then lets all move at \
+         once and makes ways and times better until the budget ends. Discs and convex polygons.";
+    const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous, Capability::Anytime];
 
-    fn create(options: Given<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
-    }
-}
-
-impl Planner for Sssp {
-    type Map = World;
-
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<World, Failure> {
-        world(environment)
-    }
-
-    fn plan(
-        &mut self,
-        world: &mut World,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        let call = Call::new(budget, sink);
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        let Team {
+            world,
+            instance,
+            agents,
+        } = team;
+        let seed = call.budget.seed;
         let mut stop = || call.stop();
-        let agents = agents(instance)?;
-        let robots = robots(world, instance, &agents)?;
-        let mut sampler = Sampler::new(world.bounds, budget.seed);
+        let robots = robots(world, instance, agents)?;
+        let mut sampler = Sampler::new(world.bounds, seed);
         let nodes = call.node_limit().unwrap_or(u64::MAX);
         let mut limits = Limits {
             nodes,
-            memory: half_of_memory(budget),
+            memory: half_of_memory(call.budget),
             stop: &mut stop,
         };
-        let (outcome, roadmaps, effort) = solve(&robots, &mut sampler, &self.0, &mut limits);
+        let (outcome, roadmaps, effort) = solve(&robots, &mut sampler, self, &mut limits);
         call.metric("expansions", effort.expanded as f64);
         call.metric("generated", effort.generated as f64);
         call.metric("rounds", effort.rounds as f64);
@@ -95,8 +63,7 @@ impl Planner for Sssp {
             other => {
                 call.metric("nodes", spent as f64);
                 if let Outcome::NoWay(agent) = other {
-                    let disc = &agents[agent].disc;
-                    return Err(no_way(world, instance, (agent, disc), &mut stop));
+                    return Err(team.no_way(agent, call));
                 }
                 return Err(failure(&other, call.stop()));
             }
@@ -104,40 +71,38 @@ impl Planner for Sssp {
         shorten(&robots, &mut moves, &mut stop);
         let courses = schedule(&robots, &moves);
         let moving: Vec<Moving> = world.movers.iter().map(moving).collect();
-        let mut refiner =
-            Refiner::new(&robots, &roadmaps, &moving, courses, budget.seed, &mut stop);
-        if !moving.is_empty() && !refiner.give_way(ORDERS.min(nodes), budget.seed, &mut stop) {
+        let mut refiner = Refiner::new(&robots, &roadmaps, &moving, courses, seed, &mut stop);
+        if !moving.is_empty() && !refiner.give_way(ORDERS.min(nodes), seed, &mut stop) {
             call.metric("nodes", spent as f64);
             let reason = "no order of priority was found in which all robots give way to obstacles that move";
             return Err(unsolved(call.stop(), reason));
         }
         let submit = |refiner: &Refiner<'_>| {
-            let plan: KnotPlan = std::iter::zip(&robots, &agents)
+            let plan: KnotPlan = std::iter::zip(&robots, agents)
                 .zip(refiner.courses())
                 .map(|((robot, agent), course)| knots(robot, agent, course))
                 .collect();
-            sink.submit(&plan)
+            call.submit(&plan);
         };
         let [first, bound] = refiner.sums();
         call.metric("first_cost_s", first);
         call.metric("lower_bound", bound);
-        submit(&refiner)?;
+        submit(&refiner);
         // A way that is only shorter is no better plan.
         let (mut told, mut work, mut refinements) = (first, 0, 0);
         let is_better = |refiner: &Refiner<'_>, told: f64| refiner.sums()[0] < told - 1e-6;
-        let most = self.0.refinements.unwrap_or(u64::MAX);
+        let most = self.refinements.unwrap_or(u64::MAX);
         while refinements < most && left > 0 && !refiner.is_done() && !stop() {
             let (_, count) = refiner.attempt();
             (refinements, work) = (refinements + 1, work + count);
             left = left.saturating_sub(count);
             if work > REPORT * agents.len() as u64 && is_better(&refiner, told) {
-                // One that comes too late is no fault.
-                let _ = submit(&refiner);
+                submit(&refiner);
                 (told, work) = (refiner.sums()[0], 0);
             }
         }
         if is_better(&refiner, told) {
-            let _ = submit(&refiner);
+            submit(&refiner);
         }
         call.metric("refinements", refinements as f64);
         call.metric("nodes", (nodes - left) as f64);

@@ -1,14 +1,10 @@
 //! The planner `cbs-mp`.
 
-use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink};
-use fleetyard_abi::{
-    Budget, Capability, Descriptor, Instance, Kind, KnotPlan, SharedEnvironment, Status,
-};
-use fleetyard_plugin_plane::plugin::SINGLE_INTEGRATOR;
-use fleetyard_plugin_plane::plugin::robots::{agents, no_way, show, world};
-use fleetyard_plugin_plane::prioritised::{Disc, World};
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Status};
+use fleetyard_plugin_plane::plugin::{InPlane, Method, Team, annotate};
 use fleetyard_plugin_plane::timing::Stop;
-use fleetyard_plugin_spacetime::plugin::{Call, described, half_of_memory, parse};
+use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,69 +37,29 @@ impl Default for Options {
 }
 
 /// Conflict-based search of discs in the plane, on roadmaps that grow.
-#[derive(Debug)]
-pub struct CbsMp(Options);
+pub type CbsMp = InPlane<Options>;
 
-impl Plugin for CbsMp {
-    fn descriptor() -> Descriptor {
-        let about = "Anytime: plans robots in the plane, as discs, by conflict-based search in continuous \
-            time on roadmaps that are drawn for each kind of robots, and again when these have grown \
-            (CBS-MP: Solis, Motes, Sandstrom, Amato, RA-L 2021). Plans of small teams are the best of \
-            their roadmaps. Not complete in finite time.";
-        let names = (
-            "cbs-mp",
-            "CBS-MP: conflict-based search on growing roadmaps",
-        );
-        let capabilities = [
-            Capability::Continuous,
-            Capability::Dynamics,
-            Capability::Heterogeneous,
-            Capability::Anytime,
-            Capability::Deterministic,
-        ];
-        Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
-            ..described::<Options>(Kind::Planner, names, about, [&capabilities, &[]])
-        }
-    }
+impl Method for Options {
+    const ID: &'static str = "cbs-mp";
+    const NAME: &'static str = "CBS-MP: conflict-based search on growing roadmaps";
+    const ABOUT: &'static str = "Anytime: plans robots in the plane, as discs, by conflict-based search in continuous \
+         time on roadmaps that are drawn for each kind of robots, and again when these have grown \
+         (CBS-MP: Solis, Motes, Sandstrom, Amato, RA-L 2021). Plans of small teams are the best of \
+         their roadmaps. Not complete in finite time.";
+    const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous, Capability::Anytime];
 
-    fn create(options: Given<'_>) -> Result<Self, Failure> {
-        parse(options, |_| Ok(())).map(Self)
-    }
-}
-
-impl Planner for CbsMp {
-    type Map = World;
-
-    fn prepare(
-        &mut self,
-        environment: &SharedEnvironment,
-        _: &Budget,
-        _: &dyn Sink,
-    ) -> Result<World, Failure> {
-        world(environment)
-    }
-
-    fn plan(
-        &mut self,
-        world: &mut World,
-        instance: &Instance,
-        budget: &Budget,
-        sink: &dyn Sink,
-    ) -> Result<(), Failure> {
-        let call = Call::new(budget, sink);
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        let world = team.world;
         if !world.movers.is_empty() {
             let reason = "this planner knows no moving obstacles; hint: si-tangent does";
             return Err(Failure::new(Status::Unsupported, reason));
         }
-        let agents = agents(instance)?;
-        let discs: Vec<Disc> = agents.iter().map(|agent| agent.disc).collect();
         let settings = Settings {
-            vertices: self.0.vertices as usize,
-            clearance: self.0.clearance_m,
-            anytime: self.0.anytime,
-            memory: half_of_memory(budget).min(MOST_MEMORY),
-            seed: budget.seed,
+            vertices: self.vertices as usize,
+            clearance: self.clearance_m,
+            anytime: self.anytime,
+            memory: half_of_memory(call.budget).min(MOST_MEMORY),
+            seed: call.budget.seed,
         };
         let mut control = Control {
             stop: &mut || call.stop(),
@@ -111,27 +67,22 @@ impl Planner for CbsMp {
             made: 0,
         };
         let mut best: Vec<Vec<Stop>> = Vec::new();
-        let (end, figures) = plan(world, &discs, settings, &mut control, &mut |plans| {
-            let knots = agents.iter().zip(plans);
-            let knots: KnotPlan = knots.map(|(agent, stops)| agent.knots(stops)).collect();
-            call.submit(&knots);
+        let mut told = |plans: &[Vec<Stop>]| {
+            team.submit(call, plans);
             best = plans.to_vec();
-        });
+        };
+        let (end, figures) = plan(world, &team.discs(), settings, &mut control, &mut told);
         call.metric("nodes", control.made as f64);
         call.metric("vertices", figures.vertices as f64);
         call.metric("growths", figures.growths as f64);
         call.metric("optimal_roadmaps", figures.optimal as f64);
         if end == End::Solved {
             call.metric("first_cost_s", figures.first_cost);
-            if let Some(annotations) = call.annotations() {
-                show(&best, annotations);
-            }
+            annotate(call, &best);
             return Ok(());
         }
         Err(match end {
-            End::NoWay(agent) => {
-                no_way(world, instance, (agent, &discs[agent]), &mut || call.stop())
-            }
+            End::NoWay(agent) => team.no_way(agent, call),
             End::Spent if call.stop() => {
                 Failure::new(Status::TimedOut, "the budget ended before a plan was found")
             }
