@@ -6,7 +6,7 @@
 //! M. Nishimura, R. Yonetani, RA-L 7(4), 2022, on given roadmaps). They are worked out for a line only when it is the best that is
 //! left, as if nobody were in its way.
 //!
-//! Where there is no way, [`Search::through`] finds one through others that is short and meets few of them.
+//! [`Search::through`] finds, for a disc that has no way, one through others that is short and meets few of them.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
