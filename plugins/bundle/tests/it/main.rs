@@ -4,6 +4,7 @@
 mod conflict;
 mod example;
 mod fleet;
+mod kinodynamic;
 mod mapf;
 mod neighborhood;
 mod plane;

@@ -47,7 +47,7 @@ pub(super) fn show(stops: &[Vec<Stop>], to: &dyn Annotations) {
 }
 
 /// The world of an environment, with movers as the discs that enclose them.
-pub(super) fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
+pub fn world(environment: &SharedEnvironment) -> Result<World, Failure> {
     let no_plane = || Failure::new(Status::Unsupported, "this planner knows the plane only");
     Ok(world_of(
         Environment::workspace(environment).ok_or_else(no_plane)?,

@@ -1,0 +1,3 @@
+//! Planners of robots with dynamics.
+
+mod foundation;

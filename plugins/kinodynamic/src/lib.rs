@@ -1,0 +1,17 @@
+//! Planners for robots with dynamics in the plane.
+//!
+//! A planner here thinks in states and controls. Its plans are controls, which the host propagates by itself: nothing that a
+//! planner says of where they lead is believed.
+//!
+//! - [`robot`]: robots, their states, and where controls lead;
+//! - [`course`]: controls one after the other, and the motion that they make;
+//! - [`steer`]: controls from rest to rest;
+//! - [`scene`]: bodies among obstacles, movers and each other;
+//! - [`plugin`]: the planners behind the contract.
+#![forbid(unsafe_code)]
+
+pub mod course;
+pub mod plugin;
+pub mod robot;
+pub mod scene;
+pub mod steer;
