@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Planners for roadmaps and for discs in the plane beside other programs, as ratios.
+"""Planners for roadmaps, for discs in the plane and for robots with dynamics beside other programs, as ratios.
 
-    scripts/beside_continuous.py roadmap --rows FILE [--only GLOB] [TABLE ...]
-    scripts/beside_continuous.py discs   --rows FILE [--only GLOB] [TABLE ...]
+    scripts/beside_continuous.py roadmap     --rows FILE [--only GLOB] [TABLE ...]
+    scripts/beside_continuous.py discs       --rows FILE [--only GLOB] [TABLE ...]
+    scripts/beside_continuous.py kinodynamic --rows FILE [--only GLOB] [TABLE ...]
 
 Problems are those of $FLEETYARD_DATA/continuous, and teams of 1,000 discs that are drawn
-here from a seed. Continuous-CBS and PSIPP/CTC run through their adapters ($CCBS and $PSIPP
-name the programs); the programs take turns on each problem, under the same budget, and the
+here from a seed. Continuous-CBS, PSIPP/CTC and db-CBS run through their adapters ($CCBS, $PSIPP
+and $DB_CBS name the programs); the programs take turns on each problem, under the same budget, and the
 judge checks every plan in the task's world. Programs that cannot be run here (SI-CPP has no
 licence; OMPL) stand with the figures of $FLEETYARD_DATA/peers/continuous.csv, which were
 measured apart: such tables say `not paired`.
@@ -32,15 +33,16 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 TEAMS = [5, 10, 15, 20, 25, 30, 40, 50, 60]
-PEERS = {"CCBS": ROOT / "plugins/adapters/ccbs", "PSIPP/CTC": ROOT / "plugins/adapters/psipp"}
+PEERS = {name: ROOT / "plugins/adapters" / folder for name, folder in [("CCBS", "ccbs"), ("PSIPP/CTC", "psipp"), ("db-CBS", "db-cbs")]}
 WORLDS = ["empty-32", "boxes-32", "rooms-32", "aisles-32"]
 
 
 class Problem:
-    """A task in a world, with a roadmap or without: a team is its first agents."""
+    """A task in a world, with a roadmap or without: a team is its first agents. `terms` are further members of the task."""
 
-    def __init__(self, name, world, robot, agents, roadmap=None):
+    def __init__(self, name, world, robot, agents, roadmap=None, terms=None):
         self.name, self.world, self.robot, self.agents, self.roadmap = name, world, robot, agents, roadmap
+        self.terms = terms or {}
 
     def arguments(self, team, folder):
         """Of the command; files it needs are written to the folder."""
@@ -51,7 +53,7 @@ class Problem:
                 (folder / f"{self.name}.world.json").write_text(json.dumps(world))
                 world = f"{self.name}.world.json"
             task = {"format": "fleetyard.task/1", "name": path.stem, "world": str(world)}
-            task["robots"], task["agents"] = {"disc": self.robot}, self.agents[:team]
+            task |= {"robots": {"robot": self.robot}, "agents": self.agents[:team], **self.terms}
             path.write_text(json.dumps(task))
             if isinstance(roadmap, dict):
                 (folder / f"{self.name}.roadmap.json").write_text(json.dumps(roadmap))
@@ -145,6 +147,55 @@ def in_plane(data, name):
     return Problem(name, (path.parent / tasks["world"]).resolve(), robot, agents)
 
 
+# db-CBS may miss goals by so much, and leads so far beside its own states.
+NEAR = {"goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02, "goal_tolerance_rate": 0.01, "dynamics_tolerance": 0.03}
+# OMPL's trees ended within 0.2, metres and radians as a vector.
+WITHIN = {"goal_tolerance_m": 0.14, "goal_tolerance_rad": 0.14}
+
+# Robots that take the places of unicycles: presets, or the robot itself. One without a heading goes from place to place.
+MODELS = {
+    "unicycle-1": "dynobench-unicycle-1",
+    "unicycle-2": "dynobench-unicycle-2",
+    "double-integrator": {"footprint": {"disc": {"radius_m": 0.15}}, "model": "dynobench-double-integrator"},
+    "holonomic": {"footprint": {"rectangle": {"length_m": 0.5, "width_m": 0.25}}, "model": "holonomic"},
+}
+
+
+def in_states(data, name, model="unicycle-1", terms=None):
+    """A problem of unicycles of `plane-tasks`, for robots of a model."""
+    path = data / "plane-tasks" / f"{name}.tasks.json"
+    tasks = json.loads(path.read_text())
+    numbers = 2 if model == "double-integrator" else 3
+    agents = [{"start": each["start"][:numbers], "goal": each["goal"][:numbers]} for each in tasks["robots"]]
+    own = name if model == "unicycle-1" else f"{name}-{model}"
+    return Problem(own, (path.parent / tasks["world"]).resolve(), MODELS[model], agents, terms=terms or NEAR)
+
+
+def crowd_of_unicycles(seed, team=50, side=16.0):
+    """Unicycles on a floor with boxes, drawn from a seed: starts, and goals, a metre apart and clear of boxes."""
+    source = random.Random(seed)
+    place = lambda: (source.uniform(0.6, side - 0.6), source.uniform(0.6, side - 0.6))
+    boxes = []
+    while len(boxes) < 12:
+        x, y = place()
+        width, height = source.uniform(0.4, 1.6), source.uniform(0.4, 1.6)
+        boxes.append((x - width / 2, y - height / 2, x + width / 2, y + height / 2))
+    free = lambda x, y: all(not (left - 0.45 < x < right + 0.45 and low - 0.45 < y < high + 0.45) for left, low, right, high in boxes)
+
+    def drawn():
+        chosen = []
+        while len(chosen) < team:
+            at = place()
+            if free(*at) and all(math.dist(at, other) >= 1.0 for other in chosen):
+                chosen.append(at)
+        return [[*at, source.uniform(-math.pi, math.pi)] for at in chosen]
+
+    corners = [[[left, low], [right, low], [right, high], [left, high]] for left, low, right, high in boxes]
+    world = {"format": "fleetyard.world/1", "bounds_m": [0, 0, side, side], "obstacles": [{"polygon": each} for each in corners]}
+    agents = [{"start": start, "goal": goal} for start, goal in zip(drawn(), drawn())]
+    return Problem(f"unicycle-crowd-{team}-{seed}", world, MODELS["unicycle-1"], agents, terms=NEAR)
+
+
 class Bench:
     """Runs, and the rows that are known."""
 
@@ -157,7 +208,7 @@ class Bench:
                 self.rows[row["planner"], row["problem"], row["team"], row["repeat"]] = row
 
     def run(self, planner, problem, team, repeat=1, seconds=None):
-        """The row of one run; the budget is that of the command unless it is given."""
+        """The row of one run; the budget is that of the command unless it is given. Options follow a planner's name."""
         key = (planner, problem.name, team, repeat)
         if key not in self.rows:
             self.rows[key] = row = self.measured(planner, problem, team, repeat, seconds or self.arguments.seconds)
@@ -169,7 +220,11 @@ class Bench:
 
     def measured(self, planner, problem, team, repeat, seconds):
         command = [self.arguments.fleetyard, "run", *problem.arguments(team, self.folder)]
-        command += ["--planner", PEERS.get(planner, planner), "--budget", f"{seconds}s", "--format", "json", "--seed", str(repeat)]
+        name, *options = planner.split(" ")
+        command += ["--planner", PEERS.get(name, name), *options, "--budget", f"{seconds}s", "--format", "json", "--seed", str(repeat)]
+        if name == "db-CBS":
+            # It looks for primitives and models beside itself.
+            command += ["--allow-read", pathlib.Path(os.environ.get("DB_CBS", ".")).resolve().parent]
         done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False,
                               start_new_session=True)
         row = {"planner": planner, "problem": problem.name, "team": team, "repeat": repeat}
@@ -384,7 +439,99 @@ def teams(planner):
     return asked
 
 
+# With their first plan in place of the best of the budget.
+DB_ASTAR, DB_CBS, DB_LACAM = "db-astar", "db-cbs", "db-lacam"
+
+
+def unicycles(kind, teams):
+    return [f"unicycle-{kind}-{team}-{number}" for team in teams for number in (1, 2, 3)]
+
+
+def db_cbs(bench, data):
+    """`db-astar` and `db-cbs` beside db-CBS."""
+    lines = []
+    for kind, team in [("random", 1), ("swap", 2), ("random", 2), ("swap", 4), ("random", 4), ("swap", 8), ("random", 8)]:
+        ours = DB_ASTAR if team == 1 else DB_CBS
+        problems = [in_states(data, name) for name in wanted(bench.arguments, unicycles(kind, [team]))]
+        pairs = [[bench.run(planner, problem, team, seconds=30) for planner in ("db-CBS", ours)] for problem in problems]
+        if pairs:
+            lines.append([kind, team, ours, *beside(pairs), *memory(pairs)])
+    heads = ["family", "N", "planner", "solved", "db-CBS", "CPU s", "CPU ratio", "cost ratio", "MB ratio"]
+    table("`db-astar`, `db-cbs` beside db-CBS", heads, lines, 6)
+
+
+def models(bench, data):
+    """`db-cbs` with robots of other models."""
+    lines = []
+    for model in MODELS:
+        for team in (1, 2, 4, 8):
+            problems = [in_states(data, name, model) for name in wanted(bench.arguments, unicycles("random", [team]))]
+            rows = [bench.run(DB_ASTAR if team == 1 else DB_CBS, problem, team, seconds=30) for problem in problems]
+            done = [row for row in rows if solved(row)]
+            if rows:
+                lines.append([model, team, tally(rows), median(row["cpu_s"] for row in done), median(row["cost"] for row in done),
+                              max(row["memory_mb"] for row in rows)])
+    table("`db-cbs` by model", ["model", "N", "solved", "CPU s", "cost s", "most MB"], lines, 3)
+
+
+def db_lacam(bench, _):
+    """`db-lacam` with fifty unicycles."""
+    lines = []
+    for seed in (1, 2, 3, 4, 5):
+        problem = crowd_of_unicycles(seed)
+        for name in wanted(bench.arguments, [problem.name]):
+            row = bench.run(DB_LACAM, problem, 50, seconds=30)
+            lines.append([name, "yes" if solved(row) else row["claim"], row["first_s"] or "-", row["cpu_s"], row["cost"] or "-", row["memory_mb"]])
+    table("`db-lacam`, 50 unicycles on 16 x 16 m", ["problem", "solved", "first plan s", "CPU s", "cost s", "MB"], lines, 2)
+
+
+def others(bench, data):
+    """`k-cbs` and `cbs-rrt` with unicycles."""
+    lines = []
+    for planner in ("k-cbs", "cbs-rrt"):
+        for kind, team in [("swap", 2), ("random", 2), ("swap", 4), ("random", 4), ("swap", 8), ("random", 8)]:
+            problems = [in_states(data, name) for name in wanted(bench.arguments, unicycles(kind, [team]))]
+            rows = [bench.run(planner, problem, team, seconds=30) for problem in problems]
+            done = [row for row in rows if solved(row)]
+            if rows:
+                lines.append([planner, kind, team, tally(rows), median(row["cpu_s"] for row in done), median(row["cost"] for row in done)])
+    table("Trees under conflict-based search", ["planner", "family", "N", "solved", "CPU s", "cost s"], lines)
+
+
+def sst(bench, data):
+    """`sst` beside OMPL's SST."""
+    peers, lines = figures(data), []
+    for name in wanted(bench.arguments, unicycles("random", [1])):
+        problem = in_states(data, name, terms=WITHIN)
+        rows = [bench.run("sst", problem, 1, repeat, seconds=5) for repeat in (1, 2, 3)]
+        known = peers.get(("OMPL SST", name, 1), [])
+        done = [row["cost"] for row in rows if solved(row)]
+        theirs = [float(each["cost"]) for each in known]
+        rate = lambda vertices: vertices / 5
+        lines.append([name, tally(rows), f"{len(known)}/3", median(done), median(theirs), median(done) / median(theirs) if done and theirs else "-",
+                      rate(median(row["metrics"].get("nodes", 0) for row in rows))])
+    heads = ["problem", "solved", "OMPL", "duration s", "OMPL s", "ratio", "vertices a second"]
+    table("`sst` beside OMPL's SST in 5 s (not paired; goal within 0.2)", heads, lines, 5)
+
+
+def rrt_star(bench, data):
+    """`rrt-star` beside OMPL's RRT*."""
+    peers, lines = figures(data), []
+    for name in wanted(bench.arguments, ["one-trap", "one-slalom", "one-clutter", "one-clutter-large"]):
+        rows = [bench.run("rrt-star", in_plane(data, name), 1, repeat, seconds=2) for repeat in (1, 2, 3)]
+        done = [row for row in rows if solved(row)]
+        known = peers.get(("OMPL RRT*", name, 1), [])
+        theirs = median(float(each["cost"]) for each in known)
+        vertices = median(float(each["notes"].rsplit(";", 1)[1].split()[0]) for each in known)
+        own = median(row["metrics"].get("nodes", 0) for row in done)
+        length = median(row["cost"] for row in done)
+        lines.append([name, tally(rows), length, theirs, length / theirs, own / 2, own / vertices])
+    heads = ["problem", "solved", "length m", "OMPL m", "length ratio", "vertices a second", "ratio of vertices"]
+    table("`rrt-star` beside OMPL's RRT* in 2 s (not paired)", heads, lines, 4)
+
+
 TABLES = {
+    "kinodynamic": {"db-cbs": db_cbs, "models": models, "db-lacam": db_lacam, "others": others, "sst": sst, "rrt-star": rrt_star},
     "roadmap": {"ccbs": ccbs, "eccbs": eccbs, "ctc": ctc, "crowds": crowds},
     "discs": {"tangent": tangent} | {planner: teams(planner) for planner in ("si-tangent", "sssp", "cbs-mp")},
 }

@@ -8,7 +8,7 @@ import os
 from collections import defaultdict
 
 from figures import COLOURS, picture
-from verdicts import Seeds, spread
+from verdicts import Claim, judge, spread
 
 FAMILIES = ("empty", "maze", "warehouse", "window")
 
@@ -35,6 +35,14 @@ COLUMNS = ["family", "seed", "agents", "view", "planner", "model", "termination"
 COUNTS = ("seed", "agents", "valid", "valid_in_world", "keeps_limits", "by_clock")
 PLANNER_COLUMNS = ["planner", "version", "views", "options", "exact", "left_out"]
 
+# Views of the study: roadmaps of these sizes, each vertex joined with its eight nearest.
+SIZES = (40, 80, 160, 320, 640, 1280, 2560)
+STUDY = {f"{size} vertices": ("roadmap", ["--representation", "roadmap", "--vertices", str(size), "--neighbors", "8"])
+         for size in SIZES}
+
+# A plan on a view is good enough for robots with inertia where its ways are longer by no more than this, and driving it touches nothing.
+GOOD_ENOUGH = 1.25
+
 # Section V-A, observations 1 to 3: SoC, makespan and planning time in per cent of db-CBS.
 PUBLISHED = {"grid": ("123", "61", "2.4"), "SD": ("108", "52", "1.6")}
 PUBLISHED_ROADMAPS = ("108–118", "52–61", "0.16–1.6")
@@ -54,15 +62,19 @@ def read(path, numbers=(), counts=()):
 class Trials:
     """Rows by view and planner, then by family, seed and number of robots."""
 
-    def __init__(self, rows):
+    def __init__(self, rows, views=tuple(VIEWS)):
         self.rows = rows
         self.lines = defaultdict(dict)
         for row in rows:
             self.lines[row["view"], row["planner"]][row["family"], row["seed"], row["agents"]] = row
         self.seeds = sorted({row["seed"] for row in rows})
         self.teams = sorted({row["agents"] for row in rows})
-        self.chosen = {view: line for view in VIEWS if (line := self.best(view))}
+        self.chosen = {view: line for view in views if (line := self.best(view))}
         self.exact = any(row["model"] == "double" for row in self.chosen.get("continuous", ("", {}))[1].values())
+
+    def planners(self):
+        """All planners, by name."""
+        return sorted({planner for _, planner in self.lines})
 
     def best(self, view):
         """The planner that stands for a view: in the plane one for the task's own model if there is one, then who
@@ -225,6 +237,64 @@ def figure(trials):
                    width, end + below, "\n".join(out), style, ".line{stroke:#333}.even{stroke:#777}")
 
 
+def study_figure(trials, study):
+    """An SVG picture: a panel for every family with ways against planning time, both in per cent of the planner in the plane."""
+    base = trials.chosen["continuous"][1]
+    colours = dict(zip(trials.chosen, COLOURS))
+
+    def point(cells, family):
+        keys = [key for key in cells if key[0] == family]
+        both = [ratios(cells, base, METRICS[metric], keys) for metric in ("planning time", "SoC")]
+        if not all(both):
+            return None
+        solved = sum(cells[key]["valid"] for key in keys)
+        return (*(100 * math.exp(mean(list(found.values()))) for found in both), solved, len(keys))
+
+    dots = {family: [(view, planner, at) for (view, planner), cells in trials.lines.items()
+                     if view in colours and view != "continuous" and (at := point(cells, family))] for family in FAMILIES}
+    lines = {family: {planner: [(view, at) for view in STUDY
+                                if (view, planner) in study.lines and (at := point(study.lines[view, planner], family))]
+                      for planner in study.planners()} for family in FAMILIES}
+    known = [at for family in FAMILIES for at in [*(at for _, _, at in dots[family]), *(at for line in lines[family].values() for _, at in line)]]
+    left, top, wide, high, gap = 62, 46, 205, 200, 24
+    low, most = (bound(math.log10(limit(at[0] for at in known))) for bound, limit in ((math.floor, min), (math.ceil, max)))
+    highest = min(200, 10 * math.ceil(max(at[1] for at in known) / 10))
+    y = lambda value: top + high - (min(value, highest) - 95) / (highest - 95) * high
+    out = [f'<text x="12" y="{top - 10}" class="name">SoC, %</text>']
+    for column, family in enumerate(FAMILIES):
+        x0 = left + column * (wide + gap)
+        x = lambda value: x0 + 6 + (math.log10(value) - low) / (most - low) * (wide - 12)
+        out.append(f'<text x="{x0 + wide / 2}" y="{top - 26}" text-anchor="middle" class="name">{family}</text>')
+        for mark in range(100, highest + 1, 20):
+            out.append(f'<path class="line" d="M{x0} {y(mark):.1f}h{wide}"/>')
+            if not column:
+                out.append(f'<text x="{x0 - 6}" y="{y(mark) + 4:.1f}" text-anchor="end">{mark}</text>')
+        for power in range(low, most + 1):
+            out.append(f'<path class="line" d="M{x(10.0**power):.1f} {top}v{high}"/>'
+                       f'<text x="{x(10.0**power):.1f}" y="{top + high + 15}" text-anchor="middle">{10.0**power:g}</text>')
+        out.append(f'<path class="axis" d="M{x0} {top}v{high}h{wide}"/>')
+        for line in lines[family].values():
+            joined = " ".join(f"{x(at[0]):.1f},{y(at[1]):.1f}" for _, at in line)
+            out.append(f'<polyline points="{joined}"/>')
+            for view, (time, way, solved, asked) in line:
+                told = view.split(" ")[0] + (f" ({solved}/{asked})" if solved < asked else "")
+                out.append(f'<circle cx="{x(time):.1f}" cy="{y(way):.1f}" r="2" class="size"/>'
+                           f'<text x="{x(time) + 4:.1f}" y="{y(way) - 4:.1f}" class="told">{told}</text>')
+        for view, planner, (time, way, _, _) in dots[family]:
+            out.append(f'<circle cx="{x(time):.1f}" cy="{y(way):.1f}" r="3.5" fill="{colours[view]}"><title>{TITLES[view]}, {planner}</title></circle>')
+    width = left + len(FAMILIES) * (wide + gap)
+    out.append(f'<text x="{(left + width) / 2}" y="{top + high + 34}" text-anchor="middle">planning time, %</text>')
+    shown = [view for view in trials.chosen if view != "continuous"]
+    for number, view in enumerate(shown):
+        at = left + number * (width - left) / len(shown)
+        out.append(f'<circle cx="{at + 5:.0f}" cy="{top + high + 54}" r="3.5" fill="{colours[view]}"/>'
+                   f'<text x="{at + 14:.0f}" y="{top + high + 58}">{TITLES[view]}</text>')
+    style = (".name{font-weight:bold}.axis{stroke:#888;fill:none}.line{stroke:#eee}polyline{fill:none;stroke:#888}.size{fill:#888}"
+             ".told{font-size:9px}")
+    return picture("Ways against planning time in per cent of the planner in the plane, by view and by size of roadmaps", width, top + high + 72,
+                   "\n".join(out), style, ".line{stroke:#333}")
+
+
 def scale(metric, values):
     """Marks of an axis, and the share of its height at which a value stands; planning times by their logarithm."""
     if metric == "solved":
@@ -254,6 +324,82 @@ def table_of_views(page, trials):
     page.text(f"Geometric means, with 95 % t intervals over seeds, on the {len(common)} instances that the planners of all views solved. "
               "*SoC* is the length of all ways in metres, as in the paper, *makespan* the plan's own, *planning time* includes learning the "
               "view, but not making it. The planner of a view is the one that solves most there, then the one with the shortest ways.\n")
+
+
+class Conclusion:
+    """A sentence of GRACE's about two views, as a claim about differences by seed."""
+
+    def __init__(self, said, kind, by_seed, ratio, margin=None):
+        self.said, self.by_seed, self.ratio = said, by_seed, ratio
+        differences = list(by_seed.values())
+        self.claim = Claim(kind, differences, *([margin] if margin else []))
+
+
+def conclusions(trials):
+    """Takeaways of section V-A. A difference is the logarithm of the ratio that a claim says is above 1."""
+    lines = {view: cells for view, (_, cells) in trials.chosen.items()}
+    keys = trials.all_solved()
+    found = []
+
+    def claim(said, more, less, metric, kind="better", margin=None, only=None):
+        if more in lines and less in lines:
+            within = {key for key in keys if only is None or key[0] == only}
+            by_seed = ratios(lines[more], lines[less], METRICS[metric], within)
+            sign = -1 if kind == "no worse" else 1
+            found.append(Conclusion(said, kind, {seed: sign * value for seed, value in by_seed.items()}, percent(by_seed), margin))
+
+    for view in ("S", "D", "SD"):
+        name = TITLES[view]
+        claim(f"{name}: ways are at most 18 % longer than in the plane", view, "continuous", "SoC", "no worse", math.log(1.18))
+        claim(f"{name}: makespans are shorter than in the plane", "continuous", view, "makespan")
+        claim(f"{name}: planning is faster than in the plane", "continuous", view, "planning time")
+    claim("denser roadmaps have shorter ways (S to SD)", "S", "SD", "SoC")
+    claim("denser roadmaps have shorter makespans (S to SD)", "S", "SD", "makespan")
+    claim("grids are planned faster than the roadmap D", "D", "grid", "planning time")
+    claim("grids have longer ways than the roadmap D", "grid", "D", "SoC")
+    claim("grids have longer makespans than the roadmap D", "grid", "D", "makespan")
+    claim("aisles mitigate: in the warehouse a grid's ways are at most 18 % longer", "grid", "continuous", "SoC", "no worse",
+          math.log(1.18), "warehouse")
+    return found
+
+
+def table_of_conclusions(page, trials):
+    told = conclusions(trials)
+    verdicts = judge([conclusion.claim for conclusion in told])
+    page.table(["GRACE's conclusion", "here", "ratio, %"],
+               [[conclusion.said, f"**{verdict}**" if verdict == "contradicted" else verdict, conclusion.ratio]
+                for conclusion, verdict in zip(told, verdicts)], texts=2)
+    page.text("*Ratio*: of the first to the second, with its 95 % interval over seeds, on the instances that all views solved. Verdicts take Student's "
+              "t test over seeds at 5 %, after Holm's correction for all of these claims ([the rule](../../scripts/verdicts.py)).\n")
+
+
+def table_of_good_enough(page, trials):
+    """Shares of instances in which a plan on a view will do for robots with inertia, by family and view."""
+    base = trials.chosen["continuous"][1]
+    rows = []
+    for view, (planner, cells) in trials.chosen.items():
+        if view == "continuous":
+            continue
+        told = []
+        for family in FAMILIES:
+            asked = [key for key in cells if key[0] == family and (below := base.get(key)) and below["valid"]]
+            good = [key for key in asked if good_enough(cells[key], base[key])]
+            told.append(share(len(good), len(asked)))
+        faster = ratios(cells, base, METRICS["makespan"], trials.all_solved())
+        speed = f"{0.5 * math.exp(mean(list(faster.values()))):.2f}" if faster else "–"
+        others = [line for (of, name), line in trials.lines.items() if of == view and any(row["valid"] for row in line.values())]
+        ways = [math.exp(mean(list(found.values()))) for line in others if (found := ratios(line, base, METRICS["SoC"], line))]
+        rows.append([TITLES[view], f"`{planner}`", *told, speed, f"{100 * min(ways):.0f} to {100 * max(ways):.0f}" if ways else "–"])
+    page.table(["view", "planner", *FAMILIES, "even speed, m/s", "SoC by planner, %"], rows, texts=2)
+    page.text(f"Instances in which the plan of the view's planner is good enough for the task's double integrators: its ways are at most "
+              f"{100 * (GOOD_ENOUGH - 1):.0f} % longer than in the plane, and driving it touches nobody and no wall. *Even speed*: the speed ν of stop-go robots, "
+              "unpublished and 0.5 m/s here, at which makespans on the view and in the plane are equal: a plan of theirs takes time as 1/ν. *SoC by planner*: "
+              "from the best planner of the view to the worst.\n")
+
+
+def good_enough(row, base):
+    return bool(row["valid"] and row["driven_pairs"] == 0 and row["driven_walls"] == 0 and row["driven_arrived"] == row["agents"]
+                and row["length_m"] <= GOOD_ENOUGH * base["length_m"])
 
 
 def table_of_executions(page, trials):
@@ -377,6 +523,7 @@ def write(page, kept):
              "Planning Simulator & Benchmark for Grid, Roadmap, And Continuous Environments\", section V-A): [views](../worlds.md#views-of-a-task) of the same "
              "tasks, every plan judged and driven in the same world.\n")
     out.text("```sh\nscripts/grace-a            # all planners that are installed; what was stopped goes on\n"
+             "scripts/grace-a study      # sizes of roadmaps, for the picture of ways against planning time\n"
              "scripts/grace-a --quick    # two seeds, three team sizes\nscripts/grace-a page       # this page from its rows\n```\n")
     disturbed = sum(bool(row["contended"]) for row in trials.rows)
     machines = sorted({row["machine"] for row in trials.rows if row["machine"]})
@@ -402,6 +549,18 @@ def write(page, kept):
         ["planning time", "no", f"another planner in the plane, and another machine: db-CBS searches in states with speeds, `{base}` "
          + ("is not db-CBS" if exact else "in places alone")],
     ], texts=3)
+    out.text("## GRACE's conclusions\n")
+    table_of_conclusions(out, trials)
+    out.text("## When a view is good enough\n")
+    table_of_good_enough(out, trials)
+    sizes = kept / "study.csv"
+    if sizes.exists():
+        study = Trials(read(sizes, MEASURED, COUNTS), list(STUDY))
+        out.text(f"![Ways against planning time, by view and by size of roadmaps]({folder}/study.svg)\n")
+        out.text(f"Ways against planning time in per cent of `{base}`, for every planner on every view (dots) and, joined by lines, for roadmaps of "
+                 f"{SIZES[0]} to {SIZES[-1]} vertices with eight neighbours, by {' and '.join(f'`{name}`' for name in study.planners())}: geometric means of what both solved; "
+                 "beside a size stands how much it solved, where that is not all.\n")
+        replace(kept / "study.svg", study_figure(trials, study))
     out.text("## Executions\n")
     table_of_executions(out, trials)
     out.text("## All planners\n")

@@ -89,6 +89,8 @@ fn representations_are_compared_and_the_page_says_so() {
         "24 of 24 of its plans break the task's limits",
         "keep the rules of the grid and overlap in the world",
         "`lacam` with `anytime=false`",
+        "| roadmap D: ways are at most 18 % longer than in the plane | undecided | ",
+        "| view | planner | empty | maze | warehouse | window | even speed, m/s |",
     ] {
         assert!(page.contains(told), "no {told:?} in\n{page}");
     }
@@ -116,6 +118,22 @@ fn representations_are_compared_and_the_page_says_so() {
         }
         assert_eq!(row, before, "{name}");
     }
+
+    // Sizes of roadmaps are rows of their own, and a picture.
+    let study = "study --planner roadmap-pp --seeds 1 --agents 2 --retry 0 --out study --page page/grace-a.md";
+    script(&yard, study).expect(SUCCESS);
+    let sizes = rows(&yard.path("study"));
+    assert_eq!(sizes.len(), FAMILIES.len() * 7);
+    let solved = |name: &str| {
+        let of = sizes.iter().filter(|(trial, _)| trial.contains(name));
+        of.filter(|(_, row)| row["valid"] == 1).count()
+    };
+    // Few vertices leave passages out, many do not.
+    assert!(
+        solved("-2560-vertices-") == FAMILIES.len() && solved("-40-vertices-") < FAMILIES.len()
+    );
+    assert!(text(&yard, "page/grace-a.md").contains("by `roadmap-pp`: geometric means"));
+    assert!(text(&yard, "page/grace-a/study.svg").starts_with("<svg "));
 
     // A planner that knows the task's robots is what others are measured by.
     let kept = text(&yard, "page/grace-a/rows.csv").replace("plane-pp,single", "plane-pp,double");
