@@ -11,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 pub mod course;
+pub mod optimise;
 pub mod plugin;
 pub mod robot;
 pub mod scene;

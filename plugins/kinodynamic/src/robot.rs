@@ -392,18 +392,29 @@ const GAUSS: [(f64, f64); 5] = [
 
 /// ∫ R(θ + ωt + αt²/2) (v + at) dt.
 fn turned(heading: f64, rates: &[f64; 3], changes: &[f64; 3], seconds: f64) -> Vector {
-    let fastest = rates[2].abs().max((rates[2] + changes[2] * seconds).abs());
+    let mut way = Vector::zeros();
+    quadrature(rates[2], changes[2], seconds, |time, turn, weight| {
+        let along = Vector::new(rates[0] + changes[0] * time, rates[1] + changes[1] * time);
+        way += rotated(along, heading + turn) * weight;
+    });
+    way
+}
+
+/// Calls `see` with times, the turn until then, and weights whose products with a function of time sum up to its integral.
+pub(crate) fn quadrature(
+    rate: f64,
+    change: f64,
+    seconds: f64,
+    mut see: impl FnMut(f64, f64, f64),
+) {
+    let fastest = rate.abs().max((rate + change * seconds).abs());
     let pieces = (fastest * seconds / PIECE_RAD).ceil().max(1.0);
     let half = seconds / pieces / 2.0;
-    let mut way = Vector::zeros();
     for piece in 0..pieces as u32 {
         let middle = half * f64::from(2 * piece + 1);
         for (offset, weight) in GAUSS {
             let time = middle + half * offset;
-            let along = Vector::new(rates[0] + changes[0] * time, rates[1] + changes[1] * time);
-            let direction = heading + (rates[2] + changes[2] * time / 2.0) * time;
-            way += rotated(along, direction) * (weight * half);
+            see(time, (rate + change * time / 2.0) * time, weight * half);
         }
     }
-    way
 }
