@@ -11,31 +11,22 @@
 //! - [`gap`]: signed distances of bodies.
 
 pub mod gap;
+mod guess;
 pub mod linear;
 pub mod matrix;
 pub mod quadratic;
-pub mod single;
+mod single;
 
-use fleetyard_plugin_plane::sssp::bodies::Pose;
-
+pub use self::guess::Guess;
 use self::gap::{Shape, Walls};
+use self::guess::Steps;
 use self::single::{Around, Effort, improve};
-use crate::course::{Course, Knot, Segment, Track};
-use crate::plugin::{Fault, Team};
-use crate::robot::{Robot, State};
+use crate::course::{Course, Track};
+use crate::plugin::{Member, Team};
 use crate::scene::clash;
 
-/// A motion to begin with. It need not be possible.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Guess {
-    /// The states at the beginning of each segment, and in the end.
-    pub states: Vec<State>,
-    /// Controls that lead from each state to about the next one.
-    pub segments: Vec<Segment>,
-}
-
 /// How much is tried.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Most rounds, in each of which every robot is improved once.
     pub rounds: u32,
@@ -45,6 +36,17 @@ pub struct Options {
     pub steps: u32,
     /// A round that makes the sum of durations less by a smaller part than this is the last one.
     pub gain: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            rounds: 8,
+            programs: 30,
+            steps: 200,
+            gain: 2e-3,
+        }
+    }
 }
 
 /// Figures.
@@ -58,131 +60,17 @@ pub struct Figures {
     pub iterations: u64,
 }
 
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            rounds: 8,
-            programs: 20,
-            steps: 200,
-            gain: 2e-3,
-        }
-    }
-}
-
-impl Guess {
-    /// A course as it is.
-    pub fn of(course: &Course, robot: &Robot) -> Self {
-        Self {
-            states: course.states(robot).collect(),
-            segments: course.segments.clone(),
-        }
-    }
-
-    /// Seconds until the last control ends.
-    pub fn seconds(&self) -> f64 {
-        self.segments.iter().map(|segment| segment.seconds).sum()
-    }
-
-    /// The controls alone.
-    fn course(&self) -> Course {
-        Course {
-            start: self.states[0],
-            segments: self.segments.clone(),
-        }
-    }
-
-    /// Straight from state to state.
-    fn track(&self) -> Track {
-        let mut time = 0.0;
-        let mut knots = vec![Knot {
-            time,
-            pose: self.states[0].pose(),
-        }];
-        for (segment, state) in self.segments.iter().zip(&self.states[1..]) {
-            time += segment.seconds;
-            knots.push(Knot {
-                time,
-                pose: state.pose(),
-            });
-        }
-        knots.dedup_by(|next, before| next.time <= before.time);
-        Track { knots }
-    }
-
-    /// Numbers that fit together, of a start.
-    fn is_sound(&self, start: &State) -> bool {
-        let finite = |state: &State| {
-            state.at.x.is_finite()
-                && state.at.y.is_finite()
-                && state.heading.is_finite()
-                && state.rates.iter().all(|rate| rate.is_finite())
-        };
-        self.states.len() == self.segments.len() + 1
-            && self.states[0] == *start
-            && self.states.iter().all(finite)
-            && self.segments.iter().all(|segment| {
-                segment.seconds >= 0.0
-                    && segment.seconds.is_finite()
-                    && segment.control.iter().all(|number| number.is_finite())
-            })
-    }
-
-    /// The same in steps of at most so many seconds, where `splits` says so of a segment's number and time.
-    fn cut(&self, robot: &Robot, pieces: impl Fn(usize, &Segment) -> u32) -> Self {
-        let mut cut = Self {
-            states: vec![self.states[0]],
-            segments: Vec::with_capacity(self.segments.len()),
-        };
-        for (number, segment) in self.segments.iter().enumerate() {
-            let pieces = pieces(number, segment);
-            let part = Segment {
-                seconds: segment.seconds / f64::from(pieces),
-                ..*segment
-            };
-            for piece in 1..=pieces {
-                cut.segments.push(part);
-                cut.states.push(if piece == pieces {
-                    self.states[number + 1]
-                } else {
-                    let before = &self.states[number];
-                    robot.after(before, &segment.control, part.seconds * f64::from(piece))
-                });
-            }
-        }
-        cut
-    }
-
-    /// The same without segments of no duration, and where a control that is held on is one.
-    fn joined(&self) -> Self {
-        let mut joined = Self {
-            states: vec![self.states[0]],
-            segments: Vec::with_capacity(self.segments.len()),
-        };
-        for (segment, state) in self.segments.iter().zip(&self.states[1..]) {
-            match joined.segments.last_mut() {
-                Some(last) if last.control == segment.control || segment.seconds == 0.0 => {
-                    last.seconds += segment.seconds;
-                    let end = joined.states.len() - 1;
-                    joined.states[end] = *state;
-                }
-                _ => {
-                    joined.segments.push(*segment);
-                    joined.states.push(*state);
-                }
-            }
-        }
-        joined
-    }
-}
-
 /// A robot between rounds.
+#[derive(Debug)]
 struct Lane {
-    guess: Guess,
+    steps: Steps,
     /// Its motion as others see it.
     track: Track,
-    /// Its controls, if nothing but perhaps other robots is in their way.
-    course: Option<Course>,
-    step: f64,
+    /// Its controls lead to the goal, and nothing but perhaps other robots is in their way.
+    is_sound: bool,
+    /// It lasts not much shorter than before, and nothing near it changed since.
+    is_settled: bool,
+    /// Distance that it keeps from what it might touch between two samples, in metres.
     margin: f64,
     body_at_walls: Shape,
     body: Shape,
@@ -191,187 +79,197 @@ struct Lane {
 /// Fewest steps of a course.
 const FEWEST_STEPS: f64 = 12.0;
 
-/// A step is so short that a robot moves by no more than this part of its radius, where that is not too many.
+/// A robot moves by no more than this part of its radius in a step, where that does not make too many of them.
 const STEP: f64 = 0.35;
 
-/// Improves a guess for every robot. Returns courses without a fault, and figures; none if there are none. Where the guess is
-/// without a fault the courses are never longer in sum.
+/// Distance that robots keep from all that is beside them at samples, in metres, and what is added where that is too little.
+const MARGIN: [f64; 2] = [5e-4, 2e-3];
+
+/// Times that the steps of a robot are made shorter in one round, and its margin larger.
+const TRIES: u32 = 4;
+
+/// Price of breaking constraints at the beginning, and its factor where a round leaves some broken.
+const PRICE: [f64; 2] = [1.5, 2.0];
+
+/// Improves a guess for every robot. Returns courses without a fault, and figures; no courses if none were found. Where the
+/// guess is without a fault, they last no longer than it in sum.
 pub fn optimise(
     team: &Team<'_>,
     guess: &[Guess],
     options: &Options,
     stop: &mut dyn FnMut() -> bool,
 ) -> (Option<Vec<Course>>, Figures) {
-    let mut figures = Figures::default();
-    let sound = guess.iter().zip(&team.members);
-    if guess.len() != team.len() || !sound.into_iter().all(|(guess, member)| guess.is_sound(&member.start)) {
-        return (None, figures);
+    let mut both = guess.iter().zip(&team.members);
+    if guess.len() != team.len() || !both.all(|(guess, member)| guess.is_sound(&member.start)) {
+        return (None, Figures::default());
     }
-    let walls = Walls::new(team.scene.world);
-    let movers: Vec<Shape> = team.scene.movers.iter().map(|mover| Shape::new(&mover.body)).collect();
+    let lanes = guess.iter().zip(&team.members);
+    let lanes = lanes.map(|(guess, member)| Lane::new(guess, member, options));
     let begin: Vec<Course> = guess.iter().map(Guess::course).collect();
-    let mut best = team.fault(&begin).is_none().then_some(begin);
-    let mut lanes: Vec<Lane> = guess
-        .iter()
-        .enumerate()
-        .map(|(agent, guess)| Lane::new(team, agent, guess, options))
-        .collect();
-    let mut price = 10.0;
+    let mut rounds = Rounds {
+        team,
+        options,
+        walls: Walls::new(team.scene.world),
+        movers: team.scene.movers.iter().map(|mover| Shape::new(&mover.body)).collect(),
+        lanes: lanes.collect(),
+        best: team.fault(&begin).is_none().then_some(begin),
+        price: PRICE[0],
+        figures: Figures::default(),
+    };
     for _ in 0..options.rounds {
-        figures.rounds += 1;
-        let before = seconds(&lanes);
-        for agent in 0..lanes.len() {
+        if !rounds.next(stop) {
+            break;
+        }
+    }
+    (rounds.best, rounds.figures)
+}
+
+struct Rounds<'a> {
+    team: &'a Team<'a>,
+    options: &'a Options,
+    walls: Walls,
+    movers: Vec<Shape>,
+    lanes: Vec<Lane>,
+    /// The best courses without a fault.
+    best: Option<Vec<Course>>,
+    price: f64,
+    figures: Figures,
+}
+
+impl Rounds<'_> {
+    /// Improves every robot once. False if there is no more to gain.
+    fn next(&mut self, stop: &mut dyn FnMut() -> bool) -> bool {
+        self.figures.rounds += 1;
+        let before = self.seconds();
+        let was_sound = self.best.is_some();
+        for agent in 0..self.lanes.len() {
             if stop() {
-                return (best, figures);
+                return false;
             }
-            let old = &lanes[agent];
-            let others: Vec<(usize, &Track)> = lanes
-                .iter()
-                .map(|lane| &lane.track)
-                .enumerate()
-                .filter(|(other, _)| *other != agent)
-                .collect();
-            let mut moving: Vec<(&Shape, &Track)> = movers
-                .iter()
-                .zip(&team.scene.movers)
-                .map(|(shape, mover)| (shape, &mover.track))
-                .collect();
-            moving.extend(others.iter().map(|(other, track)| (&lanes[*other].body, *track)));
-            let around = Around {
-                walls: &walls,
-                body_at_walls: &old.body_at_walls,
-                body: &old.body,
-                others: moving,
-            };
-            let mut guess = old.guess.clone();
-            let mut margin = old.margin;
-            let mut found = None;
-            for _ in 0..4 {
-                let effort = Effort {
-                    margin,
-                    programs: options.programs,
-                    price,
-                    step: [1.5 * old.step, 1e-3 * old.step],
-                };
-                let done = improve(&team.members[agent], &around, effort, &mut guess, stop);
-                figures.programs += done[0];
-                figures.iterations += done[1];
-                let course = guess.course();
-                let member = &team.members[agent];
-                if std::env::var("TRACE").is_ok() {
-                    eprintln!("agent {agent}: {:.3} {:?} reached {} {:?}", course.seconds(), team.track(agent, &course).err(), member.goal.is_reached(&course.end(&member.robot)), others.iter().map(|o| o.0).collect::<Vec<_>>());
-                }
-                if !member.goal.is_reached(&course.end(&member.robot)) || !course.is_allowed(&member.robot) {
-                    break;
-                }
-                let track = course.track(&member.robot);
-                let touched = touched(team, agent, &track, &others);
-                if touched.is_empty() {
-                    found = Some((course, track));
-                    break;
-                }
-                margin += 2e-3;
-                guess = guess.split_at(&member.robot, &touched);
-            }
-            let lane = &mut lanes[agent];
-            match found {
-                Some((course, track)) if best.is_none() || course.seconds() < lane.guess.seconds() => {
-                    lane.guess = guess;
-                    lane.track = track;
-                    lane.course = Some(course);
-                    lane.margin = margin;
-                }
-                None if best.is_none() => {
-                    lane.track = guess.track();
-                    lane.guess = guess;
-                    lane.course = None;
-                }
-                _ => {}
+            if !self.lanes[agent].is_settled {
+                self.improve(agent, stop);
             }
         }
-        let courses: Option<Vec<Course>> = lanes.iter().map(|lane| lane.course.clone()).collect();
-        let whole = courses.filter(|courses| team.fault(courses).is_none());
         if std::env::var("TRACE").is_ok() {
-            eprintln!("round: {:.3} -> {:.3} whole {}", before, seconds(&lanes), whole.is_some());
+            eprintln!("round: {:.3} -> {:.3} {was_sound}", before, self.seconds());
         }
-        match whole {
-            Some(courses) => {
-                let is_new = best.is_none();
-                best = Some(courses);
-                if !is_new && seconds(&lanes) > before * (1.0 - options.gain) {
-                    break;
-                }
+        if self.lanes.iter().all(|lane| lane.is_sound) {
+            let courses: Vec<Course> = self.lanes.iter().map(|lane| lane.steps.guess.course()).collect();
+            if self.team.fault(&courses).is_none() {
+                self.best = Some(courses);
+                return !was_sound || self.seconds() < before * (1.0 - self.options.gain);
             }
-            None => price *= 2.0,
+        }
+        self.price *= PRICE[1];
+        true
+    }
+
+    fn seconds(&self) -> f64 {
+        self.lanes.iter().map(|lane| lane.steps.guess.seconds()).sum()
+    }
+
+    /// Improves a robot among the motions of all others. While there is no plan without a fault the better of two broken
+    /// motions is taken, afterwards only one that breaks nothing and ends sooner.
+    fn improve(&mut self, agent: usize, stop: &mut dyn FnMut() -> bool) {
+        let member = &self.team.members[agent];
+        let movers = self.movers.iter().zip(&self.team.scene.movers);
+        let others = self.lanes.iter().enumerate().filter(|(other, _)| *other != agent);
+        let lane = &self.lanes[agent];
+        let around = Around {
+            walls: &self.walls,
+            body_at_walls: &lane.body_at_walls,
+            body: &lane.body,
+            others: movers
+                .map(|(shape, mover)| (shape, &mover.track))
+                .chain(others.map(|(_, lane)| (&lane.body, &lane.track)))
+                .collect(),
+        };
+        let mut steps = lane.steps.clone();
+        let mut margin = lane.margin;
+        let mut found: Option<Track> = None;
+        for _ in 0..TRIES {
+            let effort = Effort {
+                margin,
+                programs: self.options.programs,
+                price: self.price,
+            };
+            let done = improve(member, &around, effort, &mut steps, stop);
+            self.figures.programs += done[0];
+            self.figures.iterations += done[1];
+            let course = steps.guess.course();
+            let is_there = member.goal.is_reached(&course.end(&member.robot));
+            if std::env::var("TRACE").is_ok() {
+                eprintln!("agent {agent}: {:.3} {:?} reached {is_there} allowed {}", course.seconds(), self.team.track(agent, &course).err(), course.is_allowed(&member.robot));
+            }
+            if !is_there || !course.is_allowed(&member.robot) {
+                break;
+            }
+            let track = course.track(&member.robot);
+            let touched = self.touched(agent, &track);
+            if touched.is_empty() {
+                found = Some(track);
+                break;
+            }
+            margin += MARGIN[1];
+            steps = steps.halved(&member.robot, &touched);
+        }
+        let old = lane.steps.guess.seconds();
+        let lane = &mut self.lanes[agent];
+        match found {
+            Some(track) if self.best.is_none() || steps.guess.seconds() < old => {
+                lane.track = track;
+                lane.is_sound = true;
+                lane.margin = margin;
+                lane.steps = steps;
+            }
+            None if self.best.is_none() => {
+                lane.track = steps.guess.track();
+                lane.is_sound = false;
+                lane.steps = steps;
+            }
+            _ => {}
         }
     }
-    (best, figures)
-}
 
-fn seconds(lanes: &[Lane]) -> f64 {
-    lanes.iter().map(|lane| lane.guess.seconds()).sum()
-}
-
-/// The times at which a robot touches what it should not.
-fn touched(team: &Team<'_>, agent: usize, track: &Track, others: &[(usize, &Track)]) -> Vec<f64> {
-    let member = &team.members[agent];
-    let mut times = Vec::new();
-    let mut time = 0.0;
-    for leg in track.legs() {
-        if !member.space.is_clear(&leg) {
-            times.push(time + leg.duration / 2.0);
+    /// The times at which a robot touches what it should not.
+    fn touched(&self, agent: usize, track: &Track) -> Vec<f64> {
+        let member = &self.team.members[agent];
+        let mut times = Vec::new();
+        let mut time = 0.0;
+        for leg in track.legs() {
+            if !member.space.is_clear(&leg) {
+                times.push(time + leg.duration / 2.0);
+            }
+            time += leg.duration;
         }
-        time += leg.duration;
-    }
-    for mover in &team.scene.movers {
-        times.extend(clash((&member.body, track), (&mover.body, &mover.track), 0.0, f64::INFINITY));
-    }
-    for (other, other_track) in others {
-        let body = &team.members[*other].body;
-        times.extend(clash((&member.body, track), (body, other_track), 0.0, f64::INFINITY));
-    }
-    times
-}
-
-impl Guess {
-    /// The same with steps halved at these times.
-    fn split_at(&self, robot: &Robot, times: &[f64]) -> Self {
-        let ends: Vec<f64> = self
-            .segments
-            .iter()
-            .scan(0.0, |time, segment| {
-                *time += segment.seconds;
-                Some(*time)
-            })
-            .collect();
-        self.cut(robot, |number, segment| {
-            let begin = ends[number] - segment.seconds;
-            let is_hit = times.iter().any(|time| begin <= *time && *time <= ends[number]);
-            if is_hit { 2 } else { 1 }
-        })
+        let movers = self.team.scene.movers.iter();
+        let robots = self.lanes.iter().zip(&self.team.members).enumerate();
+        let robots = robots.filter(|(other, _)| *other != agent);
+        let others = robots.map(|(_, (lane, member))| (&member.body, &lane.track));
+        for other in movers.map(|mover| (&mover.body, &mover.track)).chain(others) {
+            times.extend(clash((&member.body, track), other, 0.0, f64::INFINITY));
+        }
+        times
     }
 }
 
 impl Lane {
-    fn new(team: &Team<'_>, agent: usize, guess: &Guess, options: &Options) -> Self {
-        let member = &team.members[agent];
-        let robot = &member.robot;
-        let guess = guess.joined();
+    fn new(guess: &Guess, member: &Member, options: &Options) -> Self {
         let total = guess.seconds();
-        let usual = STEP * member.body.radius / robot.top_speed().max(1e-3);
-        let step = usual.min(total / FEWEST_STEPS).max(total / f64::from(options.steps)).max(1e-6);
-        let guess = guess.cut(robot, |_, segment| {
-            (segment.seconds / step).ceil().max(1.0) as u32
-        });
-        let course = guess.course();
+        let usual = STEP * member.body.radius / member.robot.top_speed().max(1e-3);
+        let step = usual
+            .min(total / FEWEST_STEPS)
+            .max(total / f64::from(options.steps))
+            .max(1e-6);
+        let steps = Steps::new(guess, &member.robot, step);
         Self {
-            track: guess.track(),
-            course: None,
-            step,
-            margin: 5e-4,
+            track: steps.guess.track(),
+            is_sound: false,
+            is_settled: false,
+            margin: MARGIN[0],
             body_at_walls: Shape::new(&member.space.body),
             body: Shape::new(&member.body),
-            guess,
+            steps,
         }
     }
 }

@@ -11,7 +11,7 @@ use fleetyard_plugin_plane::sssp::bodies::Pose;
 use super::gap::{Shape, Walls};
 use super::linear::{HEADING, RATES, Step, TIME, axes};
 use super::quadratic::{Program, Row, Solution, Stage};
-use super::Guess;
+use super::guess::{Guess, Span, Steps};
 use crate::course::{Segment, Track, between};
 use crate::plugin::Member;
 use crate::robot::{Goal, State};
@@ -38,8 +38,6 @@ pub struct Effort {
     pub programs: u32,
     /// Seconds that a robot would lose rather than to break a constraint by what it does in one second at its limits.
     pub price: f64,
-    /// Longest and shortest step, in seconds.
-    pub step: [f64; 2],
 }
 
 /// A gap of a robot at the beginning of a step.
@@ -74,6 +72,7 @@ pub struct Single<'a> {
     member: &'a Member,
     around: &'a Around<'a>,
     effort: Effort,
+    spans: &'a [Span],
     axes: Vec<usize>,
     /// Prices of a metre, a radian and of each rate.
     prices: [f64; 3],
@@ -88,10 +87,11 @@ pub fn improve(
     member: &Member,
     around: &Around<'_>,
     effort: Effort,
-    guess: &mut Guess,
+    steps: &mut Steps,
     stop: &mut dyn FnMut() -> bool,
 ) -> [u64; 2] {
-    let single = Single::new(member, around, effort);
+    let Steps { guess, spans } = steps;
+    let single = Single::new(member, around, effort, spans);
     match (member.robot.is_second, single.axes.len()) {
         (false, 2) => single.run::<4, 3>(guess, stop),
         (false, _) => single.run::<4, 4>(guess, stop),
@@ -101,7 +101,7 @@ pub fn improve(
 }
 
 impl<'a> Single<'a> {
-    fn new(member: &'a Member, around: &'a Around<'a>, effort: Effort) -> Self {
+    fn new(member: &'a Member, around: &'a Around<'a>, effort: Effort, spans: &'a [Span]) -> Self {
         let robot = &member.robot;
         let per = |most: f64| effort.price / most.max(1e-3);
         let change = robot.changes.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
@@ -109,13 +109,14 @@ impl<'a> Single<'a> {
         Self {
             prices: [per(robot.top_speed()), per(robot.top_turn_rate()), per(change)],
             axes: axes(robot),
-            reach: member.body.radius.max(2.0 * robot.top_speed() * effort.step[0]),
+            reach: member.body.radius,
             goal: Goal {
                 place_m: narrower(member.goal.place_m),
                 heading_rad: narrower(member.goal.heading_rad),
                 rate: narrower(member.goal.rate),
                 ..member.goal
             },
+            spans,
             member,
             around,
             effort,
@@ -128,12 +129,12 @@ impl<'a> Single<'a> {
         stop: &mut dyn FnMut() -> bool,
     ) -> [u64; 2] {
         let mut done = [0; 2];
-        for segment in &mut guess.segments {
+        for (segment, span) in guess.segments.iter_mut().zip(self.spans) {
             segment.control = self.member.robot.clamped(&segment.control);
-            segment.seconds = segment.seconds.clamp(self.effort.step[1], self.longest(segment));
+            segment.seconds = segment.seconds.clamp(span.least, span.most);
         }
         let mut look = self.look::<N, M>(guess);
-        let mut weight = 0.03;
+        let mut weight: f64 = std::env::var("WEIGHT").map_or(0.03, |x| x.parse().unwrap());
         for _ in 0..self.effort.programs {
             if stop() {
                 return done;
@@ -156,7 +157,7 @@ impl<'a> Single<'a> {
                 }
                 // Time is worth more than what is broken: it has to be dearer.
                 self.effort.price *= 4.0;
-                self = Self::new(self.member, self.around, self.effort);
+                self = Self::new(self.member, self.around, self.effort, self.spans);
                 look = self.look(guess);
                 continue;
             }
@@ -193,10 +194,6 @@ impl<'a> Single<'a> {
             look = self.look(guess);
         }
         done
-    }
-
-    fn longest(&self, segment: &Segment) -> f64 {
-        self.effort.step[0].max(segment.seconds)
     }
 
     /// The program around a guess: steps cost so much by their size, and seconds so much.
@@ -238,9 +235,8 @@ impl<'a> Single<'a> {
                 let most = longest(controls);
                 self.within(&mut rows, (stage, true), 0, [segment.control[0], segment.control[1]], most, f64::INFINITY);
             }
-            let usual = self.effort.step[0];
-            control_weight[M - 1] /= usual * usual;
-            let [least, most] = [self.effort.step[1], self.longest(segment)];
+            let Span { least, most } = self.spans[stage];
+            control_weight[M - 1] /= most * most;
             rows.push(Row::new((stage, true), &[(M - 1, 1.0)], least - segment.seconds, f64::INFINITY));
             rows.push(Row::new((stage, true), &[(M - 1, -1.0)], segment.seconds - most, f64::INFINITY));
             let mut control_cost = [0.0; M];
