@@ -61,7 +61,7 @@ pub struct Figures {
 }
 
 /// A robot between rounds.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Lane {
     steps: Steps,
     /// Its motion as others see it.
@@ -150,9 +150,6 @@ impl Rounds<'_> {
                 self.improve(agent, stop);
             }
         }
-        if std::env::var("TRACE").is_ok() {
-            eprintln!("round: {:.3} -> {:.3} {was_sound}", before, self.seconds());
-        }
         if self.lanes.iter().all(|lane| lane.is_sound) {
             let courses: Vec<Course> = self.lanes.iter().map(|lane| lane.steps.guess.course()).collect();
             if self.team.fault(&courses).is_none() {
@@ -161,6 +158,12 @@ impl Rounds<'_> {
             }
         }
         self.price *= PRICE[1];
+        for agent in 0..self.lanes.len() {
+            let lane = &self.lanes[agent];
+            if !lane.is_sound || !self.touched(agent, &lane.track).is_empty() {
+                self.lanes[agent].is_settled = false;
+            }
+        }
         true
     }
 
@@ -194,14 +197,11 @@ impl Rounds<'_> {
                 price: self.price,
             };
             let done = improve(member, &around, effort, &mut steps, stop);
-            self.figures.programs += done[0];
-            self.figures.iterations += done[1];
+            self.figures.programs += done.programs;
+            self.figures.iterations += done.iterations;
             let course = steps.guess.course();
             let is_there = member.goal.is_reached(&course.end(&member.robot));
-            if std::env::var("TRACE").is_ok() {
-                eprintln!("agent {agent}: {:.3} {:?} reached {is_there} allowed {}", course.seconds(), self.team.track(agent, &course).err(), course.is_allowed(&member.robot));
-            }
-            if !is_there || !course.is_allowed(&member.robot) {
+            if done.touches || !is_there || !course.is_allowed(&member.robot) {
                 break;
             }
             let track = course.track(&member.robot);
@@ -213,21 +213,42 @@ impl Rounds<'_> {
             margin += MARGIN[1];
             steps = steps.halved(&member.robot, &touched);
         }
-        let old = lane.steps.guess.seconds();
+        let (is_sound, track) = match found {
+            Some(track) => (true, track),
+            None => (false, steps.guess.track()),
+        };
+        let gained = lane.steps.guess.seconds() - steps.guess.seconds();
+        let is_taken = self.best.is_none() || (is_sound && gained > 0.0);
+        let is_settled = gained.abs() < self.options.gain * steps.guess.seconds();
+        if is_taken && !(is_sound && is_settled) {
+            self.wake(agent, &track);
+        }
         let lane = &mut self.lanes[agent];
-        match found {
-            Some(track) if self.best.is_none() || steps.guess.seconds() < old => {
-                lane.track = track;
-                lane.is_sound = true;
-                lane.margin = margin;
-                lane.steps = steps;
+        lane.is_settled = is_settled && (is_sound || self.best.is_some());
+        if is_taken {
+            *lane = Lane {
+                steps,
+                track,
+                is_sound,
+                margin,
+                ..lane.clone()
+            };
+        }
+    }
+
+    /// Robots that come near a track, or that came near the one that it replaces, have more to gain.
+    fn wake(&mut self, agent: usize, track: &Track) {
+        let reach = 2.0 * self.team.members[agent].body.radius;
+        for other in 0..self.lanes.len() {
+            let apart = reach + self.team.members[other].body.radius;
+            let lane = &self.lanes[other];
+            let near = |track: &Track| {
+                let mut knots = track.knots.iter();
+                knots.any(|knot| (knot.pose.at - lane.track.at(knot.time).at).norm() < apart)
+            };
+            if near(track) || near(&self.lanes[agent].track) {
+                self.lanes[other].is_settled = false;
             }
-            None if self.best.is_none() => {
-                lane.track = steps.guess.track();
-                lane.is_sound = false;
-                lane.steps = steps;
-            }
-            _ => {}
         }
     }
 

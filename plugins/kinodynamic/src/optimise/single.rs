@@ -12,32 +12,32 @@ use super::gap::{Shape, Walls};
 use super::linear::{HEADING, RATES, Step, TIME, axes};
 use super::quadratic::{Program, Row, Solution, Stage};
 use super::guess::{Guess, Span, Steps};
-use crate::course::{Segment, Track, between};
+use crate::course::{Track, between};
 use crate::plugin::Member;
 use crate::robot::{Goal, State};
 
 /// What a robot has to keep clear of.
 #[derive(Debug)]
-pub struct Around<'a> {
+pub(super) struct Around<'a> {
     /// What stands.
-    pub walls: &'a Walls,
+    pub(super) walls: &'a Walls,
     /// The robot's body beside walls.
-    pub body_at_walls: &'a Shape,
+    pub(super) body_at_walls: &'a Shape,
     /// The robot's body beside what moves.
-    pub body: &'a Shape,
+    pub(super) body: &'a Shape,
     /// What moves.
-    pub others: Vec<(&'a Shape, &'a Track)>,
+    pub(super) others: Vec<(&'a Shape, &'a Track)>,
 }
 
 /// How to solve.
 #[derive(Debug, Clone, Copy)]
-pub struct Effort {
+pub(super) struct Effort {
     /// Distance to keep from all, in metres.
-    pub margin: f64,
+    pub(super) margin: f64,
     /// Most programs.
-    pub programs: u32,
+    pub(super) programs: u32,
     /// Seconds that a robot would lose rather than to break a constraint by what it does in one second at its limits.
-    pub price: f64,
+    pub(super) price: f64,
 }
 
 /// A gap of a robot at the beginning of a step.
@@ -61,6 +61,12 @@ struct Look<const N: usize, const M: usize> {
     broken: f64,
 }
 
+/// Weight of the square of a step at first.
+const WEIGHT: f64 = 1.0;
+
+/// A program that promises a smaller part of the duration than this is the last one.
+const ENOUGH: f64 = 2e-4;
+
 /// Limits are this much narrower, as a part of their width, so that rounding breaks none.
 const ROUNDING: f64 = 1e-8;
 
@@ -68,7 +74,7 @@ const ROUNDING: f64 = 1e-8;
 const DIRECTIONS: u32 = 8;
 
 /// One robot, with its limits as the programs have them.
-pub struct Single<'a> {
+struct Single<'a> {
     member: &'a Member,
     around: &'a Around<'a>,
     effort: Effort,
@@ -82,14 +88,25 @@ pub struct Single<'a> {
     goal: Goal,
 }
 
-/// Improves a guess. Returns the number of programs and of their iterations.
-pub fn improve(
+/// What became of a guess.
+#[derive(Debug)]
+pub(super) struct Improved {
+    /// Programs that were solved.
+    pub(super) programs: u64,
+    /// Their iterations.
+    pub(super) iterations: u64,
+    /// It touches something at the beginning of a step, for all that was tried.
+    pub(super) touches: bool,
+}
+
+/// Improves a guess.
+pub(super) fn improve(
     member: &Member,
     around: &Around<'_>,
     effort: Effort,
     steps: &mut Steps,
     stop: &mut dyn FnMut() -> bool,
-) -> [u64; 2] {
+) -> Improved {
     let Steps { guess, spans } = steps;
     let single = Single::new(member, around, effort, spans);
     match (member.robot.is_second, single.axes.len()) {
@@ -127,31 +144,34 @@ impl<'a> Single<'a> {
         mut self,
         guess: &mut Guess,
         stop: &mut dyn FnMut() -> bool,
-    ) -> [u64; 2] {
-        let mut done = [0; 2];
+    ) -> Improved {
+        let mut done = Improved {
+            programs: 0,
+            iterations: 0,
+            touches: false,
+        };
         for (segment, span) in guess.segments.iter_mut().zip(self.spans) {
             segment.control = self.member.robot.clamped(&segment.control);
             segment.seconds = segment.seconds.clamp(span.least, span.most);
         }
         let mut look = self.look::<N, M>(guess);
-        let mut weight: f64 = std::env::var("WEIGHT").map_or(0.03, |x| x.parse().unwrap());
+        let mut weight = WEIGHT;
+        let mut accuracy: f64 = 1e-5;
         for _ in 0..self.effort.programs {
             if stop() {
                 return done;
             }
-            let program = self.program(guess, &look, weight, 1.0);
-            done[0] += 1;
-            let Some((solution, iterations)) = program.solve(1e-5) else {
+            let mut program = self.program(guess, &look, weight, 1.0);
+            done.programs += 1;
+            let Some((solution, iterations)) = program.solve(accuracy) else {
                 weight *= 10.0;
                 continue;
             };
-            done[1] += u64::from(iterations);
+            done.iterations += u64::from(iterations);
             let next = self.moved(guess, &solution);
             let promised = look.cost - self.promised(&next, &look, &solution);
-            if std::env::var("TRACE").is_ok() {
-                eprintln!("cost {:.4} broken {:.4} promised {promised:.5} weight {weight:.1e} it {iterations} T {:.3}", look.cost, look.broken, guess.seconds());
-            }
-            if promised < 1e-4 * guess.seconds() {
+            accuracy = (0.02 * promised / program.rows.len() as f64).clamp(1e-9, 1e-5);
+            if promised < ENOUGH * guess.seconds() {
                 if look.broken < 1e-3 || self.effort.price > 1e3 || promised > 1e-2 * look.broken {
                     break;
                 }
@@ -161,8 +181,26 @@ impl<'a> Single<'a> {
                 look = self.look(guess);
                 continue;
             }
-            let next_look = self.look(&next);
-            let kept = (look.cost - next_look.cost) / promised;
+            let (mut next, mut next_look) = { let look = self.look::<N, M>(&next); (next, look) };
+            let mut kept = (look.cost - next_look.cost) / promised;
+            if kept < 0.6 {
+                // What the step leaves of gaps between steps is known: once more with it.
+                for (stage, missed) in program.stages.iter_mut().zip(&next_look.defects) {
+                    for (defect, missed) in stage.defect.iter_mut().zip(missed) {
+                        *defect += missed;
+                    }
+                }
+                done.programs += 1;
+                if let Some((solution, iterations)) = program.solve(accuracy) {
+                    done.iterations += u64::from(iterations);
+                    let again = self.moved(guess, &solution);
+                    let again_look = self.look::<N, M>(&again);
+                    let again_kept = (look.cost - again_look.cost) / promised;
+                    if again_kept > kept {
+                        (next, next_look, kept) = (again, again_look, again_kept);
+                    }
+                }
+            }
             if kept > 0.1 {
                 *guess = next;
                 look = next_look;
@@ -185,14 +223,15 @@ impl<'a> Single<'a> {
                 break;
             }
             let program = self.program(guess, &look, 1.0, 0.0);
-            done[0] += 1;
+            done.programs += 1;
             let Some((solution, iterations)) = program.solve(1e-9) else {
                 break;
             };
-            done[1] += u64::from(iterations);
+            done.iterations += u64::from(iterations);
             *guess = self.moved(guess, &solution);
             look = self.look(guess);
         }
+        done.touches = look.contacts.iter().any(|contact| contact.distance < 0.0);
         done
     }
 
