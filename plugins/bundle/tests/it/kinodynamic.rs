@@ -1,3 +1,5 @@
 //! Planners of robots with dynamics.
 
 mod foundation;
+mod optimise;
+mod tasks;

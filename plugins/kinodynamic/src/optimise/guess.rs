@@ -1,6 +1,7 @@
 //! Motions that need not be possible, and their steps.
 
 use crate::course::{Course, Knot, Segment, Track};
+use crate::plugin::Member;
 use crate::robot::{Robot, State};
 
 /// A motion to begin with. It need not be possible.
@@ -25,6 +26,12 @@ pub(super) struct Steps {
     pub(super) guess: Guess,
     pub(super) spans: Vec<Span>,
 }
+
+/// A robot that is slower, in m/s or rad/s, is taken to be as fast.
+pub(super) const SLOWEST: f64 = 1e-3;
+
+/// A step that is too long is cut in so many.
+const FINER: u32 = 4;
 
 /// A step may become so much longer than its usual duration, and shorter by so much.
 const LONGER: f64 = 1.5;
@@ -88,6 +95,37 @@ impl Guess {
             })
     }
 
+    /// The same without numbers that a robot does not have. A robot that does nothing, though it is not at its goal, rests for as
+    /// long as it may take.
+    pub(super) fn begun(&self, member: &Member) -> Self {
+        let (robot, goal) = (&member.robot, &member.goal);
+        let mut own = self.clone();
+        let there = robot.axes();
+        for state in &mut own.states[1..] {
+            if !robot.has_heading {
+                state.heading = self.states[0].heading;
+            }
+            for (rate, there) in state.rates.iter_mut().zip(there) {
+                if !there || !robot.is_second {
+                    *rate = 0.0;
+                }
+            }
+        }
+        let last = &own.states[own.segments.len()];
+        if own.seconds() > 0.0 || goal.is_reached(last) {
+            return own;
+        }
+        let (place, turn, _) = goal.missed(last);
+        let seconds = place.norm() / robot.top_speed().max(SLOWEST) + turn.abs() / robot.top_turn_rate().max(SLOWEST);
+        Self {
+            states: vec![self.states[0], *last],
+            segments: vec![Segment {
+                control: [0.0; 3],
+                seconds: seconds.max(1.0),
+            }],
+        }
+    }
+
     /// The same without segments of no duration, and where a control that is held on is one.
     fn joined(&self) -> Self {
         let mut joined = Self {
@@ -130,7 +168,7 @@ impl Steps {
     }
 
     /// The same with each step in so many equal pieces, which is asked of the step and the time at its end.
-    fn cut(&self, robot: &Robot, pieces: impl Fn(&Segment, f64) -> u32) -> Self {
+    fn cut(&self, robot: &Robot, mut pieces: impl FnMut(&Segment, f64) -> u32) -> Self {
         let Self { guess, spans } = self;
         let mut cut = Self {
             guess: Guess {
@@ -165,12 +203,26 @@ impl Steps {
         cut
     }
 
-    /// The same with steps halved at these times.
-    pub(super) fn halved(&self, robot: &Robot, times: &[f64]) -> Self {
+    /// The same with shorter steps at these times.
+    pub(super) fn finer(&self, robot: &Robot, times: &[f64]) -> Self {
         self.cut(robot, |segment, end| {
             let begin = end - segment.seconds;
             let is_hit = times.iter().any(|time| begin <= *time && *time <= end);
-            1 + u32::from(is_hit)
+            if is_hit { FINER } else { 1 }
         })
+    }
+
+    /// The same, so that it may last longer where steps are as long as they may be. None if none is.
+    pub(super) fn extended(&self, robot: &Robot) -> Option<Self> {
+        let mut spans = Vec::with_capacity(self.spans.len());
+        let mut pieces = Vec::with_capacity(self.spans.len());
+        for (segment, span) in self.guess.segments.iter().zip(&self.spans) {
+            let count = if segment.seconds > 0.9 * span.most { 2 } else { 1 };
+            pieces.push(count);
+            spans.extend(std::iter::repeat_n(*span, count as usize));
+        }
+        let mut pieces = pieces.into_iter();
+        let cut = self.cut(robot, |_, _| pieces.next().unwrap_or(1));
+        (spans.len() > self.spans.len()).then_some(Self { spans, ..cut })
     }
 }

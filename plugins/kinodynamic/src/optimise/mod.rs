@@ -19,7 +19,7 @@ mod single;
 
 pub use self::guess::Guess;
 use self::gap::{Shape, Walls};
-use self::guess::Steps;
+use self::guess::{SLOWEST, Steps};
 use self::single::{Around, Effort, improve};
 use crate::course::{Course, Track};
 use crate::plugin::{Member, Team};
@@ -83,10 +83,10 @@ const FEWEST_STEPS: f64 = 12.0;
 const STEP: f64 = 0.35;
 
 /// Distance that robots keep from all that is beside them at samples, in metres, and what is added where that is too little.
-const MARGIN: [f64; 2] = [5e-4, 2e-3];
+const MARGIN: [f64; 2] = [5e-4, 1e-3];
 
 /// Times that the steps of a robot are made shorter in one round, and its margin larger.
-const TRIES: u32 = 4;
+const TRIES: u32 = 5;
 
 /// Price of breaking constraints at the beginning, and its factor where a round leaves some broken.
 const PRICE: [f64; 2] = [1.5, 2.0];
@@ -103,16 +103,19 @@ pub fn optimise(
     if guess.len() != team.len() || !both.all(|(guess, member)| guess.is_sound(&member.start)) {
         return (None, Figures::default());
     }
-    let lanes = guess.iter().zip(&team.members);
-    let lanes = lanes.map(|(guess, member)| Lane::new(guess, member, options));
     let begin: Vec<Course> = guess.iter().map(Guess::course).collect();
+    let best = team.fault(&begin).is_none().then_some(begin);
+    let lanes = guess.iter().zip(&team.members).map(|(guess, member)| Lane {
+        is_sound: best.is_some(),
+        ..Lane::new(&guess.begun(member), member, options)
+    });
     let mut rounds = Rounds {
         team,
         options,
         walls: Walls::new(team.scene.world),
         movers: team.scene.movers.iter().map(|mover| Shape::new(&mover.body)).collect(),
         lanes: lanes.collect(),
-        best: team.fault(&begin).is_none().then_some(begin),
+        best,
         price: PRICE[0],
         figures: Figures::default(),
     };
@@ -201,6 +204,13 @@ impl Rounds<'_> {
             self.figures.iterations += done.iterations;
             let course = steps.guess.course();
             let is_there = member.goal.is_reached(&course.end(&member.robot));
+            if std::env::var("TRACE").is_ok() {
+                eprintln!("agent {agent}: {:.3} {:?} reached {is_there} allowed {} touches {}", course.seconds(), self.team.track(agent, &course).err(), course.is_allowed(&member.robot), done.touches);
+            }
+            if !is_there && let Some(longer) = steps.extended(&member.robot) {
+                steps = longer;
+                continue;
+            }
             if done.touches || !is_there || !course.is_allowed(&member.robot) {
                 break;
             }
@@ -211,7 +221,7 @@ impl Rounds<'_> {
                 break;
             }
             margin += MARGIN[1];
-            steps = steps.halved(&member.robot, &touched);
+            steps = steps.finer(&member.robot, &touched);
         }
         let (is_sound, track) = match found {
             Some(track) => (true, track),
@@ -277,7 +287,7 @@ impl Rounds<'_> {
 impl Lane {
     fn new(guess: &Guess, member: &Member, options: &Options) -> Self {
         let total = guess.seconds();
-        let usual = STEP * member.body.radius / member.robot.top_speed().max(1e-3);
+        let usual = STEP * member.body.radius / member.robot.top_speed().max(SLOWEST);
         let step = usual
             .min(total / FEWEST_STEPS)
             .max(total / f64::from(options.steps))
@@ -286,7 +296,7 @@ impl Lane {
         Self {
             track: steps.guess.track(),
             is_sound: false,
-            is_settled: false,
+            is_settled: guess.segments.is_empty(),
             margin: MARGIN[0],
             body_at_walls: Shape::new(&member.space.body),
             body: Shape::new(&member.body),

@@ -11,7 +11,7 @@ use fleetyard_plugin_plane::sssp::bodies::Pose;
 use super::gap::{Shape, Walls};
 use super::linear::{HEADING, RATES, Step, TIME, axes};
 use super::quadratic::{Program, Row, Solution, Stage};
-use super::guess::{Guess, Span, Steps};
+use super::guess::{Guess, SLOWEST, Span, Steps};
 use crate::course::{Track, between};
 use crate::plugin::Member;
 use crate::robot::{Goal, State};
@@ -59,6 +59,8 @@ struct Look<const N: usize, const M: usize> {
     cost: f64,
     /// The price alone.
     broken: f64,
+    /// The least of all gaps.
+    nearest: f64,
 }
 
 /// Weight of the square of a step at first.
@@ -66,6 +68,9 @@ const WEIGHT: f64 = 1.0;
 
 /// A program that promises a smaller part of the duration than this is the last one.
 const ENOUGH: f64 = 2e-4;
+
+/// A step that leads so deep into something, as a part of the body's radius, is too long.
+const DEEP: f64 = 0.15;
 
 /// Limits are this much narrower, as a part of their width, so that rounding breaks none.
 const ROUNDING: f64 = 1e-8;
@@ -120,7 +125,7 @@ pub(super) fn improve(
 impl<'a> Single<'a> {
     fn new(member: &'a Member, around: &'a Around<'a>, effort: Effort, spans: &'a [Span]) -> Self {
         let robot = &member.robot;
-        let per = |most: f64| effort.price / most.max(1e-3);
+        let per = |most: f64| effort.price / most.max(SLOWEST);
         let change = robot.changes.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
         let narrower = |tolerance: f64| (tolerance * (1.0 - 1e-6) - 1e-10).max(0.0);
         Self {
@@ -170,6 +175,9 @@ impl<'a> Single<'a> {
             done.iterations += u64::from(iterations);
             let next = self.moved(guess, &solution);
             let promised = look.cost - self.promised(&next, &look, &solution);
+            if std::env::var("TRACE").is_ok() {
+                eprintln!("cost {:.4} broken {:.4} near {:.3} promised {promised:.5} weight {weight:.1e} it {iterations} T {:.3}", look.cost, look.broken, look.nearest, guess.seconds());
+            }
             accuracy = (0.02 * promised / program.rows.len() as f64).clamp(1e-9, 1e-5);
             if promised < ENOUGH * guess.seconds() {
                 if look.broken < 1e-3 || self.effort.price > 1e3 || promised > 1e-2 * look.broken {
@@ -201,7 +209,9 @@ impl<'a> Single<'a> {
                     }
                 }
             }
-            if kept > 0.1 {
+            // Nothing is passed through for the sake of time.
+            let deepest = look.nearest.min(-DEEP * self.member.body.radius);
+            if kept > 0.1 && next_look.nearest >= deepest {
                 *guess = next;
                 look = next_look;
                 if kept > 0.6 {
@@ -231,7 +241,7 @@ impl<'a> Single<'a> {
             *guess = self.moved(guess, &solution);
             look = self.look(guess);
         }
-        done.touches = look.contacts.iter().any(|contact| contact.distance < 0.0);
+        done.touches = look.nearest < 0.0;
         done
     }
 
@@ -438,6 +448,7 @@ impl<'a> Single<'a> {
             contacts,
             cost: 0.0,
             broken: self.broken(guess),
+            nearest: f64::INFINITY,
         };
         for defect in &look.defects {
             look.broken += self.prices[0] * (defect[0].abs() + defect[1].abs())
@@ -446,6 +457,7 @@ impl<'a> Single<'a> {
         }
         for contact in &look.contacts {
             look.broken += self.prices[0] * (self.effort.margin - contact.distance).max(0.0);
+            look.nearest = look.nearest.min(contact.distance);
         }
         look.cost = guess.seconds() + look.broken;
         look
