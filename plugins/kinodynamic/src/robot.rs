@@ -401,12 +401,7 @@ fn turned(heading: f64, rates: &[f64; 3], changes: &[f64; 3], seconds: f64) -> V
 }
 
 /// Calls `see` with times, the turn until then, and weights whose products with a function of time sum up to its integral.
-pub(crate) fn quadrature(
-    rate: f64,
-    change: f64,
-    seconds: f64,
-    mut see: impl FnMut(f64, f64, f64),
-) {
+pub(crate) fn quadrature(rate: f64, change: f64, seconds: f64, mut see: impl FnMut(f64, f64, f64)) {
     let fastest = rate.abs().max((rate + change * seconds).abs());
     let pieces = (fastest * seconds / PIECE_RAD).ceil().max(1.0);
     let half = seconds / pieces / 2.0;

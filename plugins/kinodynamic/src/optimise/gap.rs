@@ -165,7 +165,8 @@ impl Shape {
 
     fn edges(&self) -> impl Iterator<Item = (Vector, Vector)> {
         let count = self.corners.len();
-        (0..self.normals.len().max(1)).map(move |at| (self.corners[at], self.corners[(at + 1) % count]))
+        (0..self.normals.len().max(1))
+            .map(move |at| (self.corners[at], self.corners[(at + 1) % count]))
     }
 }
 
@@ -212,9 +213,12 @@ impl Walls {
         }
         let boxes = shapes.iter().map(|shape| {
             let first = shape.corners[0];
-            let both = shape.corners.iter().fold((first, first), |(low, high), at| {
-                (low.inf(at), high.sup(at))
-            });
+            let both = shape
+                .corners
+                .iter()
+                .fold((first, first), |(low, high), at| {
+                    (low.inf(at), high.sup(at))
+                });
             Rectangle::around(both.0, both.1, 0.0)
         });
         Self {

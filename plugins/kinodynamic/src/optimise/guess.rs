@@ -82,7 +82,10 @@ impl Guess {
     pub(super) fn is_sound(&self, start: &State) -> bool {
         let finite = |state: &State| {
             let numbers = [state.at.x, state.at.y, state.heading];
-            numbers.iter().chain(&state.rates).all(|number| number.is_finite())
+            numbers
+                .iter()
+                .chain(&state.rates)
+                .all(|number| number.is_finite())
         };
         self.states.len() == self.segments.len() + 1
             && self.states[0] == *start
@@ -116,7 +119,8 @@ impl Guess {
             return own;
         }
         let (place, turn, _) = goal.missed(last);
-        let seconds = place.norm() / robot.top_speed().max(SLOWEST) + turn.abs() / robot.top_turn_rate().max(SLOWEST);
+        let seconds = place.norm() / robot.top_speed().max(SLOWEST)
+            + turn.abs() / robot.top_turn_rate().max(SLOWEST);
         Self {
             states: vec![self.states[0], *last],
             segments: vec![Segment {
@@ -132,9 +136,13 @@ impl Guess {
             states: vec![self.states[0]],
             segments: Vec::with_capacity(self.segments.len()),
         };
+        let same = |one: &Segment, other: &Segment| {
+            let mut both = one.control.iter().zip(&other.control);
+            both.all(|(one, other)| one.to_bits() == other.to_bits())
+        };
         for (segment, state) in self.segments.iter().zip(&self.states[1..]) {
             match joined.segments.last_mut() {
-                Some(last) if last.control == segment.control || segment.seconds == 0.0 => {
+                Some(last) if same(last, segment) || segment.seconds == 0.0 => {
                     last.seconds += segment.seconds;
                     let end = joined.states.len() - 1;
                     joined.states[end] = *state;
@@ -164,7 +172,9 @@ impl Steps {
             spans: spans.collect(),
             guess,
         };
-        whole.cut(robot, |segment, _| (segment.seconds / seconds).ceil().max(1.0) as u32)
+        whole.cut(robot, |segment, _| {
+            (segment.seconds / seconds).ceil().max(1.0) as u32
+        })
     }
 
     /// The same with each step in so many equal pieces, which is asked of the step and the time at its end.
@@ -217,7 +227,11 @@ impl Steps {
         let mut spans = Vec::with_capacity(self.spans.len());
         let mut pieces = Vec::with_capacity(self.spans.len());
         for (segment, span) in self.guess.segments.iter().zip(&self.spans) {
-            let count = if segment.seconds > 0.9 * span.most { 2 } else { 1 };
+            let count = if segment.seconds > 0.9 * span.most {
+                2
+            } else {
+                1
+            };
             pieces.push(count);
             spans.extend(std::iter::repeat_n(*span, count as usize));
         }

@@ -47,7 +47,7 @@ pub fn transposed_product<const R: usize, const S: usize, const C: usize>(
 pub fn times<const R: usize, const C: usize>(a: &Matrix<R, C>, v: &[f64; C]) -> [f64; R] {
     let mut all = [0.0; R];
     for (sum, row) in all.iter_mut().zip(a) {
-        *sum = row.iter().zip(v).map(|(a, b)| a * b).sum();
+        *sum = dot(row, v);
     }
     all
 }
@@ -71,22 +71,50 @@ pub fn sum<const R: usize>(v: &[f64; R], w: &[f64; R]) -> [f64; R] {
     std::array::from_fn(|number| v[number] + w[number])
 }
 
+/// v · w.
+pub fn dot(v: &[f64], w: &[f64]) -> f64 {
+    v.iter().zip(w).map(|(v, w)| v * w).sum()
+}
+
+/// These numbers on the diagonal.
+pub fn diagonal<const R: usize>(numbers: &[f64; R]) -> Matrix<R, R> {
+    let mut all = zeros::<R, R>();
+    for (number, row) in all.iter_mut().enumerate() {
+        row[number] = numbers[number];
+    }
+    all
+}
+
+/// Adds B to A.
+pub fn add<const R: usize, const C: usize>(a: &mut Matrix<R, C>, b: &Matrix<R, C>) {
+    for (sum, number) in a.iter_mut().flatten().zip(b.iter().flatten()) {
+        *sum += number;
+    }
+}
+
+/// Makes a matrix symmetric that is so but for rounding.
+pub fn level<const R: usize>(a: &mut Matrix<R, R>) {
+    for row in 1..R {
+        let (above, below) = a.split_at_mut(row);
+        for (column, other) in above.iter_mut().enumerate() {
+            let mean = f64::midpoint(other[row], below[0][column]);
+            (other[row], below[0][column]) = (mean, mean);
+        }
+    }
+}
+
 /// The lower triangle L of A = L Lᵀ, with the reciprocals of the diagonal in its place. None if A is not positive definite.
 pub fn cholesky<const R: usize>(a: &Matrix<R, R>) -> Option<Matrix<R, R>> {
     let mut lower = zeros::<R, R>();
     for row in 0..R {
         for column in 0..=row {
-            let mut rest = a[row][column];
-            for before in 0..column {
-                rest -= lower[row][before] * lower[column][before];
-            }
-            if row == column {
-                if rest.is_nan() || rest <= 0.0 {
-                    return None;
-                }
+            let rest = a[row][column] - dot(&lower[row][..column], &lower[column][..column]);
+            if row > column {
+                lower[row][column] = rest * lower[column][column];
+            } else if rest > 0.0 {
                 lower[row][row] = libm::sqrt(rest).recip();
             } else {
-                lower[row][column] = rest * lower[column][column];
+                return None;
             }
         }
     }
@@ -97,9 +125,7 @@ pub fn cholesky<const R: usize>(a: &Matrix<R, R>) -> Option<Matrix<R, R>> {
 pub fn solved<const R: usize>(lower: &Matrix<R, R>, v: &[f64; R]) -> [f64; R] {
     let mut x = *v;
     for row in 0..R {
-        for before in 0..row {
-            x[row] -= lower[row][before] * x[before];
-        }
+        x[row] -= dot(&lower[row][..row], &x[..row]);
         x[row] *= lower[row][row];
     }
     for row in (0..R).rev() {

@@ -17,8 +17,8 @@ pub mod matrix;
 pub mod quadratic;
 mod single;
 
-pub use self::guess::Guess;
 use self::gap::{Shape, Walls};
+pub use self::guess::Guess;
 use self::guess::{SLOWEST, Steps};
 use self::single::{Around, Effort, improve};
 use crate::course::{Course, Track};
@@ -91,6 +91,9 @@ const TRIES: u32 = 5;
 /// Price of breaking constraints at the beginning, and its factor where a round leaves some broken.
 const PRICE: [f64; 2] = [1.5, 2.0];
 
+/// The price of a robot that does not reach its goal becomes so many times as high.
+const DEARER: f64 = 4.0;
+
 /// Improves a guess for every robot. Returns courses without a fault, and figures; no courses if none were found. Where the
 /// guess is without a fault, they last no longer than it in sum.
 pub fn optimise(
@@ -113,7 +116,12 @@ pub fn optimise(
         team,
         options,
         walls: Walls::new(team.scene.world),
-        movers: team.scene.movers.iter().map(|mover| Shape::new(&mover.body)).collect(),
+        movers: team
+            .scene
+            .movers
+            .iter()
+            .map(|mover| Shape::new(&mover.body))
+            .collect(),
         lanes: lanes.collect(),
         best,
         price: PRICE[0],
@@ -154,7 +162,11 @@ impl Rounds<'_> {
             }
         }
         if self.lanes.iter().all(|lane| lane.is_sound) {
-            let courses: Vec<Course> = self.lanes.iter().map(|lane| lane.steps.guess.course()).collect();
+            let courses: Vec<Course> = self
+                .lanes
+                .iter()
+                .map(|lane| lane.steps.guess.course())
+                .collect();
             if self.team.fault(&courses).is_none() {
                 self.best = Some(courses);
                 return !was_sound || self.seconds() < before * (1.0 - self.options.gain);
@@ -171,7 +183,10 @@ impl Rounds<'_> {
     }
 
     fn seconds(&self) -> f64 {
-        self.lanes.iter().map(|lane| lane.steps.guess.seconds()).sum()
+        self.lanes
+            .iter()
+            .map(|lane| lane.steps.guess.seconds())
+            .sum()
     }
 
     /// Improves a robot among the motions of all others. While there is no plan without a fault the better of two broken
@@ -179,7 +194,11 @@ impl Rounds<'_> {
     fn improve(&mut self, agent: usize, stop: &mut dyn FnMut() -> bool) {
         let member = &self.team.members[agent];
         let movers = self.movers.iter().zip(&self.team.scene.movers);
-        let others = self.lanes.iter().enumerate().filter(|(other, _)| *other != agent);
+        let others = self
+            .lanes
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != agent);
         let lane = &self.lanes[agent];
         let around = Around {
             walls: &self.walls,
@@ -191,27 +210,30 @@ impl Rounds<'_> {
                 .collect(),
         };
         let mut steps = lane.steps.clone();
-        let mut margin = lane.margin;
+        let (mut margin, mut price) = (lane.margin, self.price);
         let mut found: Option<Track> = None;
         for _ in 0..TRIES {
             let effort = Effort {
                 margin,
                 programs: self.options.programs,
-                price: self.price,
+                price,
             };
             let done = improve(member, &around, effort, &mut steps, stop);
             self.figures.programs += done.programs;
             self.figures.iterations += done.iterations;
             let course = steps.guess.course();
             let is_there = member.goal.is_reached(&course.end(&member.robot));
-            if std::env::var("TRACE").is_ok() {
-                eprintln!("agent {agent}: {:.3} {:?} reached {is_there} allowed {} touches {}", course.seconds(), self.team.track(agent, &course).err(), course.is_allowed(&member.robot), done.touches);
+            let is_long = steps.spans.len() > 2 * self.options.steps as usize;
+            if done.touches || is_long {
+                break;
             }
-            if !is_there && let Some(longer) = steps.extended(&member.robot) {
-                steps = longer;
+            if !is_there {
+                price *= DEARER;
+                let longer = steps.extended(&member.robot);
+                steps = longer.unwrap_or_else(|| lane.steps.clone());
                 continue;
             }
-            if done.touches || !is_there || !course.is_allowed(&member.robot) {
+            if !course.is_allowed(&member.robot) {
                 break;
             }
             let track = course.track(&member.robot);
@@ -277,7 +299,10 @@ impl Rounds<'_> {
         let robots = self.lanes.iter().zip(&self.team.members).enumerate();
         let robots = robots.filter(|(other, _)| *other != agent);
         let others = robots.map(|(_, (lane, member))| (&member.body, &lane.track));
-        for other in movers.map(|mover| (&mover.body, &mover.track)).chain(others) {
+        for other in movers
+            .map(|mover| (&mover.body, &mover.track))
+            .chain(others)
+        {
             times.extend(clash((&member.body, track), other, 0.0, f64::INFINITY));
         }
         times

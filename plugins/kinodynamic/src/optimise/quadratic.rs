@@ -7,7 +7,8 @@
 //! price, and so a program always has a solution.
 
 use super::matrix::{
-    Matrix, cholesky, product, solved, sum, times, transposed_product, transposed_times, zeros,
+    Matrix, add, cholesky, diagonal, dot, level, product, solved, sum, times, transposed_product,
+    transposed_times, zeros,
 };
 
 /// A step: x' = A x + B u + d. States and controls are weighted by diagonals, and controls have linear costs.
@@ -61,7 +62,9 @@ impl Row {
 
     fn of(&self, numbers: &[f64]) -> f64 {
         let terms = self.terms.iter();
-        terms.map(|(number, factor)| factor * numbers[*number]).sum()
+        terms
+            .map(|(number, factor)| factor * numbers[*number])
+            .sum()
     }
 
     /// The sum of the factors of a solution less the bound.
@@ -173,7 +176,8 @@ impl Inner {
 
     /// The sum of both complementarities after a part of the step.
     fn product(&self, part: f64) -> f64 {
-        let at: [f64; 4] = std::array::from_fn(|which| self.numbers()[which] + part * self.steps[which]);
+        let at: [f64; 4] =
+            std::array::from_fn(|which| self.numbers()[which] + part * self.steps[which]);
         if self.rest.is_infinite() {
             at[0] * at[1]
         } else {
@@ -188,9 +192,10 @@ struct Sweep<const N: usize, const M: usize> {
     /// Of the state's cost to go after the stage.
     later: Matrix<N, N>,
     triangle: Matrix<M, M>,
-    /// Bᵀ P A.
-    cross: Matrix<M, N>,
-    gain: Matrix<M, N>,
+    /// Aᵀ P B.
+    cross: Matrix<N, M>,
+    /// Of the control, by each number of the state.
+    gain: Matrix<N, M>,
     control_weight: Matrix<M, M>,
     state_weight: Matrix<N, N>,
     ahead: [f64; M],
@@ -209,7 +214,9 @@ impl<const N: usize, const M: usize> Program<N, M> {
             .iter()
             .map(|row| Inner::new(row, -row.least))
             .collect();
-        let products = inner.iter().map(|one| 1 + usize::from(one.rest.is_finite()));
+        let products = inner
+            .iter()
+            .map(|one| 1 + usize::from(one.rest.is_finite()));
         let products = (products.sum::<usize>()).max(1) as f64;
         let mut sweeps = vec![
             Sweep {
@@ -233,8 +240,7 @@ impl<const N: usize, const M: usize> Program<N, M> {
             }
             for one in &mut inner {
                 one.corrections = [0.0; 2];
-                one.weight =
-                    1.0 / (one.slack / one.multiplier + one.paid / one.rest);
+                one.weight = 1.0 / (one.slack / one.multiplier + one.paid / one.rest);
             }
             self.factor(&inner, &mut sweeps)?;
             self.step(&mut inner, &mut sweeps, 0.0, &mut next);
@@ -247,7 +253,10 @@ impl<const N: usize, const M: usize> Program<N, M> {
             }
             let target = (centring * mean).max(accuracy / 10.0);
             self.step(&mut inner, &mut sweeps, target, &mut next);
-            let part = inner.iter().fold(1.0 / INSIDE, |part, one| one.longest(part)) * INSIDE;
+            let part = inner
+                .iter()
+                .fold(1.0 / INSIDE, |part, one| one.longest(part))
+                * INSIDE;
             for one in &mut inner {
                 one.slack += part * one.steps[0];
                 one.multiplier += part * one.steps[1];
@@ -304,24 +313,18 @@ impl<const N: usize, const M: usize> Program<N, M> {
             let mut own = transposed_product(&stage.by_control, &by_control);
             add(&mut own, &sweep.control_weight);
             sweep.triangle = cholesky(&own)?;
-            sweep.cross = transposed_product(&stage.by_control, &by_state);
-            for column in 0..N {
-                let cross: [f64; M] = std::array::from_fn(|row| -sweep.cross[row][column]);
-                let gain = solved(&sweep.triangle, &cross);
-                for row in 0..M {
-                    sweep.gain[row][column] = gain[row];
-                }
+            sweep.cross = transposed_product(&by_state, &stage.by_control);
+            for (gain, cross) in sweep.gain.iter_mut().zip(&sweep.cross) {
+                *gain = solved(&sweep.triangle, &cross.map(|number| -number));
             }
             later = transposed_product(&stage.by_state, &by_state);
             add(&mut later, &sweep.state_weight);
-            add(&mut later, &transposed_product(&sweep.cross, &sweep.gain));
-            for row in 0..N {
-                for column in 0..row {
-                    let mean = f64::midpoint(later[row][column], later[column][row]);
-                    later[row][column] = mean;
-                    later[column][row] = mean;
+            for (row, cross) in later.iter_mut().zip(&sweep.cross) {
+                for (number, gain) in row.iter_mut().zip(&sweep.gain) {
+                    *number += dot(cross, gain);
                 }
             }
+            level(&mut later);
         }
         Some(())
     }
@@ -364,11 +367,14 @@ impl<const N: usize, const M: usize> Program<N, M> {
                 &next.states[number],
                 &transposed_times(&stage.by_state, &after),
             );
-            cost = sum(&of_state, &transposed_times(&sweep.cross, &sweep.ahead));
+            cost = sum(&of_state, &times(&sweep.cross, &sweep.ahead));
         }
         next.states[0] = [0.0; N];
         for (number, (stage, sweep)) in self.stages.iter().zip(sweeps.iter()).enumerate() {
-            next.controls[number] = sum(&times(&sweep.gain, &next.states[number]), &sweep.ahead);
+            next.controls[number] = sum(
+                &transposed_times(&sweep.gain, &next.states[number]),
+                &sweep.ahead,
+            );
             next.states[number + 1] = stage.end(&next.states[number], &next.controls[number]);
         }
         for (row, one) in self.rows.iter().zip(inner) {
@@ -387,24 +393,11 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     }
 }
 
-fn diagonal<const R: usize>(numbers: &[f64; R]) -> Matrix<R, R> {
-    let mut all = zeros::<R, R>();
-    for (number, row) in all.iter_mut().enumerate() {
-        row[number] = numbers[number];
-    }
-    all
-}
-
-fn add<const R: usize, const C: usize>(all: &mut Matrix<R, C>, other: &Matrix<R, C>) {
-    for (row, other) in all.iter_mut().flatten().zip(other.iter().flatten()) {
-        *row += other;
-    }
-}
-
 fn square<const R: usize>(all: &mut Matrix<R, R>, row: &Row, weight: f64) {
-    for (one, factor) in row.terms {
-        for (other, other_factor) in row.terms {
-            all[one][other] += weight * factor * other_factor;
+    let terms = || row.terms.iter().filter(|(_, factor)| *factor != 0.0);
+    for (one, factor) in terms() {
+        for (other, other_factor) in terms() {
+            all[*one][*other] += weight * factor * other_factor;
         }
     }
 }

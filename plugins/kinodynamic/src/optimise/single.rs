@@ -9,9 +9,9 @@
 use fleetyard_plugin_plane::sssp::bodies::Pose;
 
 use super::gap::{Shape, Walls};
+use super::guess::{Guess, SLOWEST, Span, Steps};
 use super::linear::{HEADING, RATES, Step, TIME, axes};
 use super::quadratic::{Program, Row, Solution, Stage};
-use super::guess::{Guess, SLOWEST, Span, Steps};
 use crate::course::{Track, between};
 use crate::plugin::Member;
 use crate::robot::{Goal, State};
@@ -68,6 +68,9 @@ const WEIGHT: f64 = 1.0;
 
 /// A program that promises a smaller part of the duration than this is the last one.
 const ENOUGH: f64 = 2e-4;
+
+/// A step becomes shorter by no more than this factor in one program.
+const SHORTER: f64 = 5.0;
 
 /// A step that leads so deep into something, as a part of the body's radius, is too long.
 const DEEP: f64 = 0.15;
@@ -126,10 +129,18 @@ impl<'a> Single<'a> {
     fn new(member: &'a Member, around: &'a Around<'a>, effort: Effort, spans: &'a [Span]) -> Self {
         let robot = &member.robot;
         let per = |most: f64| effort.price / most.max(SLOWEST);
-        let change = robot.changes.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+        let change = robot
+            .changes
+            .iter()
+            .flatten()
+            .fold(0.0, |a: f64, b| a.max(b.abs()));
         let narrower = |tolerance: f64| (tolerance * (1.0 - 1e-6) - 1e-10).max(0.0);
         Self {
-            prices: [per(robot.top_speed()), per(robot.top_turn_rate()), per(change)],
+            prices: [
+                per(robot.top_speed()),
+                per(robot.top_turn_rate()),
+                per(change),
+            ],
             axes: axes(robot),
             reach: member.body.radius,
             goal: Goal {
@@ -175,12 +186,10 @@ impl<'a> Single<'a> {
             done.iterations += u64::from(iterations);
             let next = self.moved(guess, &solution);
             let promised = look.cost - self.promised(&next, &look, &solution);
-            if std::env::var("TRACE").is_ok() {
-                eprintln!("cost {:.4} broken {:.4} near {:.3} promised {promised:.5} weight {weight:.1e} it {iterations} T {:.3}", look.cost, look.broken, look.nearest, guess.seconds());
-            }
             accuracy = (0.02 * promised / program.rows.len() as f64).clamp(1e-9, 1e-5);
             if promised < ENOUGH * guess.seconds() {
-                if look.broken < 1e-3 || self.effort.price > 1e3 || promised > 1e-2 * look.broken {
+                if look.broken < 1e-3 || self.effort.price > 300.0 || promised > 1e-2 * look.broken
+                {
                     break;
                 }
                 // Time is worth more than what is broken: it has to be dearer.
@@ -189,7 +198,10 @@ impl<'a> Single<'a> {
                 look = self.look(guess);
                 continue;
             }
-            let (mut next, mut next_look) = { let look = self.look::<N, M>(&next); (next, look) };
+            let (mut next, mut next_look) = {
+                let look = self.look::<N, M>(&next);
+                (next, look)
+            };
             let mut kept = (look.cost - next_look.cost) / promised;
             if kept < 0.6 {
                 // What the step leaves of gaps between steps is known: once more with it.
@@ -269,25 +281,52 @@ impl<'a> Single<'a> {
                 let [least, most] = controls[axis];
                 let width = most - least;
                 if width < 1e-9 {
-                    by_control.iter_mut().for_each(|row| row[number] = 0.0);
+                    for row in &mut by_control {
+                        row[number] = 0.0;
+                    }
                     continue;
                 }
                 control_weight[number] /= width * width;
                 let own = segment.control[axis];
                 let mut bound = |sign: f64, least: f64| {
-                    rows.push(Row::new((stage, true), &[(number, sign)], least, f64::INFINITY));
+                    rows.push(Row::new(
+                        (stage, true),
+                        &[(number, sign)],
+                        least,
+                        f64::INFINITY,
+                    ));
                 };
                 bound(1.0, least - own);
                 bound(-1.0, own - most);
             }
-            if robot.goes_sideways && (robot.polar_changes || (!robot.is_second && robot.polar_rates)) {
+            if robot.goes_sideways
+                && (robot.polar_changes || (!robot.is_second && robot.polar_rates))
+            {
                 let most = longest(controls);
-                self.within(&mut rows, (stage, true), 0, [segment.control[0], segment.control[1]], most, f64::INFINITY);
+                within(
+                    &mut rows,
+                    (stage, true),
+                    0,
+                    [segment.control[0], segment.control[1]],
+                    most,
+                    f64::INFINITY,
+                );
             }
             let Span { least, most } = self.spans[stage];
+            let least = least.max(segment.seconds / SHORTER);
             control_weight[M - 1] /= most * most;
-            rows.push(Row::new((stage, true), &[(M - 1, 1.0)], least - segment.seconds, f64::INFINITY));
-            rows.push(Row::new((stage, true), &[(M - 1, -1.0)], segment.seconds - most, f64::INFINITY));
+            rows.push(Row::new(
+                (stage, true),
+                &[(M - 1, 1.0)],
+                least - segment.seconds,
+                f64::INFINITY,
+            ));
+            rows.push(Row::new(
+                (stage, true),
+                &[(M - 1, -1.0)],
+                segment.seconds - most,
+                f64::INFINITY,
+            ));
             let mut control_cost = [0.0; M];
             control_cost[M - 1] = second;
             stages.push(Stage {
@@ -304,7 +343,12 @@ impl<'a> Single<'a> {
         }
         rows.extend(look.contacts.iter().map(|contact| {
             let growth = contact.growth;
-            let terms = [(0, growth[0]), (1, growth[1]), (HEADING, growth[2]), (TIME, growth[3])];
+            let terms = [
+                (0, growth[0]),
+                (1, growth[1]),
+                (HEADING, growth[2]),
+                (TIME, growth[3]),
+            ];
             let least = self.effort.margin - contact.distance;
             Row::new((contact.stage, false), &terms, least, self.prices[0])
         }));
@@ -316,24 +360,6 @@ impl<'a> Single<'a> {
         }
     }
 
-    /// The length of two numbers is bounded: by lines around the circle, one of them where the numbers are now.
-    fn within(
-        &self,
-        rows: &mut Vec<Row>,
-        of: (usize, bool),
-        first: usize,
-        own: [f64; 2],
-        most: f64,
-        price: f64,
-    ) {
-        let now = libm::atan2(own[1], own[0]);
-        for direction in 0..DIRECTIONS {
-            let (sin, cos) = libm::sincos(now + std::f64::consts::TAU * f64::from(direction) / f64::from(DIRECTIONS));
-            let least = cos * own[0] + sin * own[1] - most;
-            rows.push(Row::new(of, &[(first, -cos), (first + 1, -sin)], least, price));
-        }
-    }
-
     fn rates(&self, rows: &mut Vec<Row>, stage: usize, state: &State) {
         let robot = &self.member.robot;
         for (number, axis) in self.axes.iter().copied().enumerate() {
@@ -341,25 +367,54 @@ impl<'a> Single<'a> {
             let inside = ROUNDING * (most - least);
             let own = state.rates[axis];
             let mut bound = |sign: f64, least: f64| {
-                rows.push(Row::new((stage, false), &[(RATES + number, sign)], least, self.prices[2]));
+                rows.push(Row::new(
+                    (stage, false),
+                    &[(RATES + number, sign)],
+                    least,
+                    self.prices[2],
+                ));
             };
             bound(1.0, least + inside - own);
             bound(-1.0, own - most + inside);
         }
         if robot.polar_rates {
             let most = longest(&robot.rates) * (1.0 - ROUNDING);
-            self.within(rows, (stage, false), RATES, [state.rates[0], state.rates[1]], most, self.prices[2]);
+            within(
+                rows,
+                (stage, false),
+                RATES,
+                [state.rates[0], state.rates[1]],
+                most,
+                self.prices[2],
+            );
         }
     }
 
     fn arrival(&self, rows: &mut Vec<Row>, stage: usize, state: &State) {
         let (place, turn, rates) = self.goal.missed(state);
         if self.goal.place_m.is_finite() {
-            self.within(rows, (stage, false), 0, [place.x, place.y], self.goal.place_m, self.prices[0]);
+            within(
+                rows,
+                (stage, false),
+                0,
+                [place.x, place.y],
+                self.goal.place_m,
+                self.prices[0],
+            );
         }
         let mut both = |number: usize, own: f64, most: f64, price: f64| {
-            rows.push(Row::new((stage, false), &[(number, 1.0)], -most - own, price));
-            rows.push(Row::new((stage, false), &[(number, -1.0)], own - most, price));
+            rows.push(Row::new(
+                (stage, false),
+                &[(number, 1.0)],
+                -most - own,
+                price,
+            ));
+            rows.push(Row::new(
+                (stage, false),
+                &[(number, -1.0)],
+                own - most,
+                price,
+            ));
         };
         if !self.goal.free.heading {
             both(HEADING, turn, self.goal.heading_rad, self.prices[1]);
@@ -409,10 +464,17 @@ impl<'a> Single<'a> {
         if !robot.is_second {
             return price;
         }
-        price += self.prices[2] * rates.iter().map(|rate| over(*rate, self.goal.rate)).sum::<f64>();
+        price += self.prices[2]
+            * rates
+                .iter()
+                .map(|rate| over(*rate, self.goal.rate))
+                .sum::<f64>();
         for state in &guess.states[1..] {
             let clamped = robot.clamped_rates(&state.rates);
-            let beyond = clamped.iter().zip(&state.rates).map(|(clamped, own)| (clamped - own).abs());
+            let beyond = clamped
+                .iter()
+                .zip(&state.rates)
+                .map(|(clamped, own)| (clamped - own).abs());
             price += self.prices[2] * beyond.sum::<f64>();
         }
         price
@@ -427,7 +489,11 @@ impl<'a> Single<'a> {
     ) -> f64 {
         let broken = look.contacts.iter().map(|contact| {
             let by = &solution.states[contact.stage];
-            let grown = contact.growth.iter().zip(by).map(|(growth, by)| growth * by);
+            let grown = contact
+                .growth
+                .iter()
+                .zip(by)
+                .map(|(growth, by)| growth * by);
             self.prices[0] * (self.effort.margin - contact.distance - grown.sum::<f64>()).max(0.0)
         });
         next.seconds() + self.broken(next) + broken.sum::<f64>()
@@ -439,7 +505,9 @@ impl<'a> Single<'a> {
             .segments
             .iter()
             .zip(&guess.states)
-            .map(|(segment, state)| Step::new(robot, &self.axes, state, &segment.control, segment.seconds))
+            .map(|(segment, state)| {
+                Step::new(robot, &self.axes, state, &segment.control, segment.seconds)
+            })
             .collect();
         let contacts = self.contacts(guess);
         let mut look = Look {
@@ -487,7 +555,12 @@ impl<'a> Single<'a> {
 
     fn contacts(&self, guess: &Guess) -> Vec<Contact> {
         let mut contacts = Vec::new();
-        let Around { walls, body_at_walls, body, others } = self.around;
+        let Around {
+            walls,
+            body_at_walls,
+            body,
+            others,
+        } = self.around;
         let mut at_walls = (*body_at_walls).clone();
         let mut own = (*body).clone();
         let mut other_shape = own.clone();
@@ -500,7 +573,11 @@ impl<'a> Single<'a> {
             body_at_walls.place(&pose, &mut at_walls);
             walls.near(&at_walls, pose.at, reach, |gap| {
                 let [x, y, turn] = gap.growth(pose.at);
-                contacts.push(Contact { stage, distance: gap.distance, growth: [x, y, turn, 0.0] });
+                contacts.push(Contact {
+                    stage,
+                    distance: gap.distance,
+                    growth: [x, y, turn, 0.0],
+                });
             });
             if others.is_empty() {
                 continue;
@@ -517,7 +594,11 @@ impl<'a> Single<'a> {
                     let [x, y, turn] = gap.growth(pose.at);
                     let other = gap.growth(at.at);
                     let time = -(other[0] * rates[0] + other[1] * rates[1] + other[2] * rates[2]);
-                    contacts.push(Contact { stage, distance: gap.distance, growth: [x, y, turn, time] });
+                    contacts.push(Contact {
+                        stage,
+                        distance: gap.distance,
+                        growth: [x, y, turn, time],
+                    });
                 }
             };
             for (shape, track) in others {
@@ -546,5 +627,32 @@ impl<'a> Single<'a> {
 }
 
 fn longest(limits: &[[f64; 2]; 3]) -> f64 {
-    limits[..2].iter().flatten().fold(0.0, |most, limit| most.max(limit.abs()))
+    limits[..2]
+        .iter()
+        .flatten()
+        .fold(0.0, |most, limit| most.max(limit.abs()))
+}
+
+/// The length of two numbers is bounded: by lines around the circle, one of them where the numbers are now.
+fn within(
+    rows: &mut Vec<Row>,
+    of: (usize, bool),
+    first: usize,
+    own: [f64; 2],
+    most: f64,
+    price: f64,
+) {
+    let now = libm::atan2(own[1], own[0]);
+    for direction in 0..DIRECTIONS {
+        let (sin, cos) = libm::sincos(
+            now + std::f64::consts::TAU * f64::from(direction) / f64::from(DIRECTIONS),
+        );
+        let least = cos * own[0] + sin * own[1] - most;
+        rows.push(Row::new(
+            of,
+            &[(first, -cos), (first + 1, -sin)],
+            least,
+            price,
+        ));
+    }
 }

@@ -28,14 +28,15 @@ fn model(number: usize, is_disc: bool) -> fleetyard_abi::Robot {
     } else {
         rectangle(0.5, 0.25)
     };
-    let dynamics = DYNAMICS[if number < DYNAMICS.len() {
-        number
+    let dynamics = DYNAMICS[if number == MODELS - 1 {
+        DYNAMICS.len() - 1
     } else {
-        number - DYNAMICS.len()
-    }
-    .min(DYNAMICS.len() - 1)];
+        number % DYNAMICS.len()
+    }];
     let second = dynamics.contains("double") || dynamics.contains("-2");
-    let axes = if dynamics.contains("unicycle") || (DYNAMICS.len()..DYNAMICS.len() + 2).contains(&number) {
+    let axes = if dynamics.contains("unicycle")
+        || (DYNAMICS.len()..DYNAMICS.len() + 2).contains(&number)
+    {
         2
     } else {
         3
@@ -203,13 +204,19 @@ fn derivatives<const N: usize, const M: usize>(
     let axes = axes(robot);
     let there = |numbers: [f64; 3]| {
         let mut kept = [0.0; 3];
-        axes.iter().for_each(|axis| kept[*axis] = numbers[*axis]);
+        for axis in &axes {
+            kept[*axis] = numbers[*axis];
+        }
         kept
     };
     let state = State {
         at: Vector::new(x, y),
         heading: if robot.has_heading { heading } else { 0.0 },
-        rates: if robot.is_second { there(rates) } else { [0.0; 3] },
+        rates: if robot.is_second {
+            there(rates)
+        } else {
+            [0.0; 3]
+        },
     };
     let control = there(control);
     let step: Step<N, M> = Step::new(robot, &axes, &state, &control, seconds);
@@ -229,7 +236,10 @@ fn derivatives<const N: usize, const M: usize>(
         for (number, later) in numbers(later).iter().enumerate() {
             let ahead = (later - end[number]) / small;
             let told = by(number);
-            assert!(number == 3 || (ahead - told).abs() < 1e-4, "{what} {number}: {ahead} {told}");
+            assert!(
+                number == 3 || (ahead - told).abs() < 1e-4,
+                "{what} {number}: {ahead} {told}"
+            );
         }
     };
     for number in (0..N).filter(|number| *number != 3) {
@@ -314,7 +324,11 @@ fn movers_are_waited_for_and_driven_round() {
     );
     problem.environment.movers = vec![Mover {
         footprint: Footprint::disc(0.3),
-        knots: vec![[0.0, 3.0, 4.0, 0.0], [2.0, 3.0, 2.8, 0.0], [8.0, 3.0, 4.6, 0.0]],
+        knots: vec![
+            [0.0, 3.0, 4.0, 0.0],
+            [2.0, 3.0, 2.8, 0.0],
+            [8.0, 3.0, 4.6, 0.0],
+        ],
     }];
     with_team(&problem, |team| {
         let guess = Guess::of(&straight(&team.members[0]), &team.members[0].robot);
@@ -329,12 +343,23 @@ fn movers_are_waited_for_and_driven_round() {
 fn a_corner_in_the_way_is_driven_round() {
     // Of the second one, which is not convex, only the tip is in the way.
     let convex: &[[f64; 2]] = &[[2.5, 0.5], [3.5, 0.5], [3.5, 2.95], [2.5, 2.95]];
-    let bent: &[[f64; 2]] = &[[2.0, 0.5], [4.0, 0.5], [3.2, 1.0], [3.1, 2.95], [2.9, 2.95], [2.8, 1.0]];
+    let bent: &[[f64; 2]] = &[
+        [2.0, 0.5],
+        [4.0, 0.5],
+        [3.2, 1.0],
+        [3.1, 2.95],
+        [2.9, 2.95],
+        [2.8, 1.0],
+    ];
     for obstacle in [convex, bent] {
         for number in 0..MODELS {
             let robot = model(number, false);
             let pose = if robot.has_heading { 3 } else { 2 };
-            let problem = Problem::new(6.0, &[obstacle]).with(robot, &[1.0, 3.0, 0.0][..pose], &[5.0, 3.0, 0.0][..pose]);
+            let problem = Problem::new(6.0, &[obstacle]).with(
+                robot,
+                &[1.0, 3.0, 0.0][..pose],
+                &[5.0, 3.0, 0.0][..pose],
+            );
             with_team(&problem, |team| {
                 let guess = Guess::of(&straight(&team.members[0]), &team.members[0].robot);
                 assert_eq!(team.fault(&[guess.course()]), Some(Fault::Wall(0)));
@@ -352,16 +377,17 @@ fn a_team_that_is_told_to_stop_keeps_what_it_has() {
         let course = straight(&team.members[0]);
         let guess = Guess::of(&course, &team.members[0].robot);
         let stopped = |guess: &[Guess]| optimise(team, guess, &Options::default(), &mut || true).0;
-        assert_eq!(stopped(&[guess.clone()]), Some(vec![course]));
+        assert_eq!(stopped(std::slice::from_ref(&guess)), Some(vec![course]));
         let mut short = guess.clone();
-        (short.segments.pop(), short.states.pop());
+        short.segments.pop();
+        short.states.pop();
         assert_eq!(stopped(&[short]), None);
         let mut asked = 0;
         let mut few = || {
             asked += 1;
             asked > 5
         };
-        let (found, _) = optimise(team, &[guess.clone()], &Options::default(), &mut few);
+        let (found, _) = optimise(team, &[guess], &Options::default(), &mut few);
         assert_eq!(team.fault(&found.expect("a plan")), None);
     });
 }
@@ -379,7 +405,14 @@ fn guesses_that_are_none_are_refused() {
         back.segments[0].seconds = -1.0;
         let mut elsewhere = guess.clone();
         elsewhere.states[0].at.x += 0.1;
-        for guess in [vec![], vec![short], vec![far], vec![back], vec![elsewhere], vec![guess.clone(), guess]] {
+        for guess in [
+            vec![],
+            vec![short],
+            vec![far],
+            vec![back],
+            vec![elsewhere],
+            vec![guess.clone(), guess],
+        ] {
             assert_eq!(improved(team, &guess), (None, Figures::default()));
         }
     });
@@ -409,7 +442,11 @@ fn unicycles_of_the_data_find_plans_from_straight_motions() {
         return;
     };
     let folder = Path::new(&data).join("continuous/plane-tasks");
-    for (name, most) in [("random-2-1", 11.0), ("random-4-2", 31.0), ("swap-2-1", 15.5)] {
+    for (name, most) in [
+        ("random-2-1", 11.0),
+        ("random-4-2", 31.0),
+        ("swap-2-1", 15.5),
+    ] {
         let file = folder.join(format!("unicycle-{name}.tasks.json"));
         if !file.exists() {
             continue;
