@@ -6,6 +6,7 @@
 //! - [`robot`]: robots, their states, and where controls lead;
 //! - [`course`]: controls one after the other, and the motion that they make;
 //! - [`steer`]: controls from rest to rest;
+//! - [`optimise`]: courses of a team that end sooner;
 //! - [`scene`]: bodies among obstacles, movers and each other;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]

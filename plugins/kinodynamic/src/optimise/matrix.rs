@@ -1,7 +1,6 @@
 //! Small matrices of fixed size as arrays of rows.
 //!
-//! Products of these in plain loops take a third of the time of nalgebra's where its generic code is compiled with few
-//! optimisations, as in the profile that tests and planners are built with.
+//! They are loops, which are fast in the profile that tests and planners are built with; generic code of nalgebra is not.
 
 /// So many rows, and so many columns.
 pub type Matrix<const R: usize, const C: usize> = [[f64; C]; R];

@@ -1,12 +1,11 @@
 //! Courses of teams that end sooner: trajectory optimisation.
 //!
 //! A guess is states and controls, which need not fit together: states may jump, robots overlap a little, goals be missed. One
-//! robot after the other is improved among the motions of all others ([`single`]), again and again. The costs of a round so
+//! robot after the other is improved among the motions of all others, again and again. The costs of a round so
 //! grow with the number of robots, where a problem of all robots together has them grow with its cube. What is returned was
 //! found to be without a fault ([`Team::fault`]).
 //!
-//! - [`single`]: the problem of one robot, as a sequence of programs;
-//! - [`quadratic`]: such a program;
+//! - [`quadratic`]: programs along a chain of states; the problem of one robot is a sequence of them;
 //! - [`linear`]: derivatives of steps;
 //! - [`gap`]: signed distances of bodies.
 
@@ -223,27 +222,30 @@ impl Rounds<'_> {
             self.figures.iterations += done.iterations;
             let course = steps.guess.course();
             let is_there = member.goal.is_reached(&course.end(&member.robot));
-            let is_long = steps.spans.len() > 2 * self.options.steps as usize;
-            if done.touches || is_long {
+            if done.touches {
                 break;
             }
-            if !is_there {
+            let finer = if is_there {
+                if !course.is_allowed(&member.robot) {
+                    break;
+                }
+                let track = course.track(&member.robot);
+                let touched = self.touched(agent, &track);
+                if touched.is_empty() {
+                    found = Some(track);
+                    break;
+                }
+                margin += MARGIN[1];
+                steps.finer(&member.robot, &touched)
+            } else {
                 price *= DEARER;
                 let longer = steps.extended(&member.robot);
-                steps = longer.unwrap_or_else(|| lane.steps.clone());
-                continue;
-            }
-            if !course.is_allowed(&member.robot) {
+                longer.unwrap_or_else(|| lane.steps.clone())
+            };
+            if finer.spans.len() > 2 * self.options.steps as usize {
                 break;
             }
-            let track = course.track(&member.robot);
-            let touched = self.touched(agent, &track);
-            if touched.is_empty() {
-                found = Some(track);
-                break;
-            }
-            margin += MARGIN[1];
-            steps = steps.finer(&member.robot, &touched);
+            steps = finer;
         }
         let (is_sound, track) = match found {
             Some(track) => (true, track),
