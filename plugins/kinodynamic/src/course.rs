@@ -66,13 +66,18 @@ impl Course {
 
     /// The motion in straight lines that keep within [`CHORD`] of it.
     pub fn track(&self, robot: &Robot) -> Track {
+        self.track_within(robot, CHORD)
+    }
+
+    /// The motion in straight lines that keep within so many metres and radians of it.
+    pub fn track_within(&self, robot: &Robot, distance: f64) -> Track {
         let mut knots = vec![Knot {
             time: 0.0,
             pose: self.start.pose(),
         }];
         let (mut state, mut time) = (self.start, 0.0);
         for segment in &self.segments {
-            let pieces = pieces(robot, &state, segment);
+            let pieces = pieces(robot, &state, segment, distance);
             for piece in 1..=pieces {
                 let after = segment.seconds * (f64::from(piece) / f64::from(pieces));
                 knots.push(Knot {
@@ -92,7 +97,7 @@ impl Course {
 const MOST_PIECES: f64 = 10_000.0;
 
 /// Straight pieces of a segment: a chord over h seconds is off by h²/8 of the greatest change of the velocity.
-fn pieces(robot: &Robot, state: &State, segment: &Segment) -> u32 {
+fn pieces(robot: &Robot, state: &State, segment: &Segment, distance: f64) -> u32 {
     let end = robot.after(state, &segment.control, segment.seconds);
     let speed = |rates: &[f64; 3]| libm::hypot(rates[0], rates[1]);
     let (rates, changes) = if robot.is_second {
@@ -107,7 +112,7 @@ fn pieces(robot: &Robot, state: &State, segment: &Segment) -> u32 {
         0.0
     };
     let change = (speed(&changes) + bend).max(changes[2].abs());
-    let pieces = segment.seconds * libm::sqrt(change / (8.0 * CHORD));
+    let pieces = segment.seconds * libm::sqrt(change / (8.0 * distance));
     pieces.ceil().clamp(1.0, MOST_PIECES) as u32
 }
 
@@ -128,6 +133,13 @@ pub struct Track {
 }
 
 impl Track {
+    /// A body that stays where it is.
+    pub fn rest(pose: Pose) -> Self {
+        Self {
+            knots: vec![Knot { time: 0.0, pose }],
+        }
+    }
+
     /// Seconds until it rests.
     pub fn seconds(&self) -> f64 {
         self.last().time

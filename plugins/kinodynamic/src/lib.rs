@@ -8,6 +8,7 @@
 //! - [`steer`]: controls from rest to rest;
 //! - [`optimise`]: courses of a team that end sooner;
 //! - [`scene`]: bodies among obstacles, movers and each other;
+//! - [`rrt`]: conflict-based search over trees of single robots;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
@@ -15,5 +16,6 @@ pub mod course;
 pub mod optimise;
 pub mod plugin;
 pub mod robot;
+pub mod rrt;
 pub mod scene;
 pub mod steer;

@@ -20,6 +20,8 @@ use crate::course::{Course, Track};
 use crate::robot::{DYNAMICS, Free, Goal, Robot, State};
 use crate::scene::{Scene, clash, is_clear};
 
+pub mod cbs_rrt;
+
 /// A way to plan; the type is that of its options.
 pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     /// The identifier.
