@@ -184,6 +184,8 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("sssp", IN_HOST),
     ("cbs-mp", IN_WORKER),
     ("cbs-mp", IN_HOST),
+    ("cbs-rrt", IN_WORKER),
+    ("cbs-rrt", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

@@ -470,6 +470,7 @@ fn plugins_are_listed_and_described() {
             "si-tangent",
             "sssp",
             "cbs-mp",
+            "cbs-rrt",
             "empty",
             "astar",
             "dijkstra",

@@ -3,6 +3,7 @@
 
 use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
+use fleetyard_plugin_kinodynamic::plugin::cbs_rrt::CbsRrt;
 use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
@@ -40,6 +41,7 @@ fleetyard_abi::export! {
         SafeIntervalTangents,
         Sssp,
         CbsMp,
+        CbsRrt,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

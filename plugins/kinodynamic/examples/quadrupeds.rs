@@ -27,7 +27,8 @@ const KINDS: [[f64; 4]; 3] = [
 ];
 
 const COLOURS: [&str; 12] = [
-    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf", "#1b4f8a", "#a05000",
+    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f",
+    "#bcbd22", "#17becf", "#1b4f8a", "#a05000",
 ];
 
 fn quadruped([length, width, speed, acceleration]: [f64; 4]) -> Result<Robot, String> {
@@ -102,7 +103,13 @@ fn team(world: &World, count: usize, seed: u64) -> Result<Team<'_>, String> {
             let pose = Pose { at, heading };
             let leg = Leg::rest(pose, 1.0);
             let is_apart = |other: &Member| {
-                together(&wide, &leg, &other.robot.body.grown(0.25), &Leg::rest(ends(other).pose(), 1.0)).is_none()
+                together(
+                    &wide,
+                    &leg,
+                    &other.robot.body.grown(0.25),
+                    &Leg::rest(ends(other).pose(), 1.0),
+                )
+                .is_none()
             };
             if roomy.is_free(&pose) && members.iter().all(is_apart) {
                 break State::rest(at, heading);
@@ -116,7 +123,10 @@ fn team(world: &World, count: usize, seed: u64) -> Result<Team<'_>, String> {
             start,
             goal: Goal {
                 state: goal,
-                free: Free { heading: false, rates: [false; 3] },
+                free: Free {
+                    heading: false,
+                    rates: [false; 3],
+                },
                 place_m: 1e-6,
                 heading_rad: 1e-6,
                 rate: 1e-6,
@@ -129,7 +139,12 @@ fn team(world: &World, count: usize, seed: u64) -> Result<Team<'_>, String> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |at: usize| arguments.get(at).ok_or("too few arguments").map(|text| text.parse::<f64>());
+    let number = |at: usize| {
+        arguments
+            .get(at)
+            .ok_or("too few arguments")
+            .map(|text| text.parse::<f64>())
+    };
     let (count, first, last, seconds) = (number(0)??, number(1)??, number(2)??, number(3)??);
     let options: Options = serde_json::from_str(arguments.get(4).map_or("{}", String::as_str))?;
     let world = floor();
@@ -144,7 +159,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let outcome = search.solve();
         let taken = begin.elapsed().as_secs_f64();
         let Outcome::Solved(mut plans, constraints) = outcome else {
-            println!("{seed}: {outcome:?} after {taken:.2} s, {:?}", search.effort);
+            println!(
+                "{seed}: {outcome:?} after {taken:.2} s, {:?}",
+                search.effort
+            );
             continue;
         };
         solved += 1;
@@ -166,7 +184,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             "{seed}: {taken:.2} s, cost {cost:.1}, {} constraints, {effort:?}, {fault:?}; improved {:.1} after {all:.2} s, {edges} motions, {:?}",
             constraints.len(),
             sum(&plans),
-            team.fault(&plans.iter().map(|plan| plan.course.clone()).collect::<Vec<_>>()),
+            team.fault(
+                &plans
+                    .iter()
+                    .map(|plan| plan.course.clone())
+                    .collect::<Vec<_>>()
+            ),
         );
         if let Some(file) = arguments.get(5) {
             std::fs::write(file, picture(&world, &team, &plans))?;
@@ -182,9 +205,20 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Bodies every half second, starts filled.
-fn picture(world: &World, team: &Team<'_>, plans: &[std::rc::Rc<fleetyard_plugin_kinodynamic::rrt::search::Plan>]) -> String {
-    let mut svg = String::from("<svg xmlns='http://www.w3.org/2000/svg' width='900' height='900' viewBox='0 0 12 12'><rect width='12' height='12' fill='white'/><g transform='matrix(1 0 0 -1 0 12)'>");
-    let points = |corners: &[Vector]| -> String { corners.iter().map(|at| format!("{:.3},{:.3} ", at.x, at.y)).collect() };
+fn picture(
+    world: &World,
+    team: &Team<'_>,
+    plans: &[std::rc::Rc<fleetyard_plugin_kinodynamic::rrt::search::Plan>],
+) -> String {
+    let mut svg = String::from(
+        "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='900' viewBox='0 0 12 12'><rect width='12' height='12' fill='white'/><g transform='matrix(1 0 0 -1 0 12)'>",
+    );
+    let points = |corners: &[Vector]| -> String {
+        corners
+            .iter()
+            .map(|at| format!("{:.3},{:.3} ", at.x, at.y))
+            .collect()
+    };
     for polygon in &world.polygons {
         let _ = write!(svg, "<polygon points='{}' fill='#444'/>", points(polygon));
     }
@@ -195,13 +229,37 @@ fn picture(world: &World, team: &Team<'_>, plans: &[std::rc::Rc<fleetyard_plugin
         for step in 0..=steps {
             let pose = track.at(f64::from(step) * 0.5);
             let (sin, cos) = libm::sincos(pose.heading);
-            let corners: Vec<Vector> = member.robot.body.corners.iter().map(|at| pose.at + Vector::new(at.x * cos - at.y * sin, at.x * sin + at.y * cos)).collect();
-            let fill = if step == 0 { 0.5 } else if step == steps { 0.15 } else { 0.0 };
-            let width = if step == 0 || step == steps { 0.04 } else { 0.01 };
-            let _ = write!(svg, "<polygon points='{}' fill='{colour}' fill-opacity='{fill}' stroke='{colour}' stroke-width='{width}'/>", points(&corners));
+            let corners: Vec<Vector> = member
+                .robot
+                .body
+                .corners
+                .iter()
+                .map(|at| pose.at + Vector::new(at.x * cos - at.y * sin, at.x * sin + at.y * cos))
+                .collect();
+            let fill = if step == 0 {
+                0.5
+            } else if step == steps {
+                0.15
+            } else {
+                0.0
+            };
+            let width = if step == 0 || step == steps {
+                0.04
+            } else {
+                0.01
+            };
+            let _ = write!(
+                svg,
+                "<polygon points='{}' fill='{colour}' fill-opacity='{fill}' stroke='{colour}' stroke-width='{width}'/>",
+                points(&corners)
+            );
         }
         let way: Vec<Vector> = track.knots.iter().map(|knot| knot.pose.at).collect();
-        let _ = write!(svg, "<polyline points='{}' fill='none' stroke='{colour}' stroke-width='0.03'/>", points(&way));
+        let _ = write!(
+            svg,
+            "<polyline points='{}' fill='none' stroke='{colour}' stroke-width='0.03'/>",
+            points(&way)
+        );
     }
     svg.push_str("</g></svg>\n");
     svg

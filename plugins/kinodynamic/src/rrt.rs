@@ -65,7 +65,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            delta_s: 0.5,
+            delta_s: 1.0,
             widen: true,
             avoid: true,
             samples: 3000,

@@ -42,7 +42,10 @@ impl Method for Options {
         let submit = |plans: &[Rc<Plan>]| {
             let courses: Vec<Course> = plans.iter().map(|plan| plan.course.clone()).collect();
             team.submit(call, &courses).map_err(|fault| {
-                Failure::new(Status::GaveUp, format!("what was found is no plan: {fault:?}"))
+                Failure::new(
+                    Status::GaveUp,
+                    format!("what was found is no plan: {fault:?}"),
+                )
             })
         };
         let sum = |plans: &[Rc<Plan>]| plans.iter().map(|plan| plan.way.arrival()).sum::<f64>();

@@ -80,7 +80,11 @@ impl Barred<'_> {
     /// The time from which on it may stay in a pose for ever; none if there is none.
     pub fn free_from(&self, pose: &Pose) -> Option<f64> {
         let mut free = 0.0_f64;
-        for constraint in self.constraints.iter().filter(|known| self.contains(pose, known)) {
+        for constraint in self
+            .constraints
+            .iter()
+            .filter(|known| self.contains(pose, known))
+        {
             free = free.max(constraint.to);
         }
         let rest = Track::rest(*pose);
@@ -168,7 +172,12 @@ impl Barred<'_> {
     }
 
     fn contains(&self, pose: &Pose, constraint: &Constraint) -> bool {
-        hits(self.body, &Leg::rest(*pose, 1.0), &POINT, &at(constraint.point))
+        hits(
+            self.body,
+            &Leg::rest(*pose, 1.0),
+            &POINT,
+            &at(constraint.point),
+        )
     }
 }
 

@@ -47,27 +47,36 @@ impl Walker {
             let member = team.members[agent].clone();
             let braking = brake(&member.robot, &member.start);
             let root = match &braking {
-                Some(braking) => member
-                    .robot
-                    .after(&member.start, &braking.control, braking.seconds),
+                Some(braking) => {
+                    member
+                        .robot
+                        .after(&member.start, &braking.control, braking.seconds)
+                }
                 None => member.start,
             };
             if root.rates.iter().any(|rate| rate.abs() > 1e-9) {
                 return None;
             }
-            let wide = team.scene.space(&member.space.body, off(&member.body, COARSE));
+            let wide = team
+                .scene
+                .space(&member.space.body, off(&member.body, COARSE));
             let ends = |member: &Member| [member.start.pose(), member.goal.state.pose()];
             let rest = |pose: Pose| Track::rest(pose);
             // Where there is little room at starts and goals it takes a closer look at all.
             let is_roomy = ends(&member).iter().all(|pose| wide.is_free(pose))
-                && team.scene.is_clear_of_movers(&bodies[agent], &rest(member.start.pose()), false)
-                && (0..team.len()).filter(|other| *other != agent).all(|other| {
-                    let others = ends(&team.members[other]);
-                    ends(&member).iter().zip(&others).all(|(own, others)| {
-                        let (own, others) = (rest(*own), rest(*others));
-                        clash((&bodies[agent], &own), (&bodies[other], &others), 0.0, 1.0).is_none()
-                    })
-                });
+                && team
+                    .scene
+                    .is_clear_of_movers(&bodies[agent], &rest(member.start.pose()), false)
+                && (0..team.len())
+                    .filter(|other| *other != agent)
+                    .all(|other| {
+                        let others = ends(&team.members[other]);
+                        ends(&member).iter().zip(&others).all(|(own, others)| {
+                            let (own, others) = (rest(*own), rest(*others));
+                            clash((&bodies[agent], &own), (&bodies[other], &others), 0.0, 1.0)
+                                .is_none()
+                        })
+                    });
             let (body, wide, chord) = if is_roomy {
                 (bodies[agent].clone(), wide, COARSE)
             } else {
@@ -78,7 +87,10 @@ impl Walker {
                 wide,
                 chord,
                 braking,
-                root: State { rates: [0.0; 3], ..root },
+                root: State {
+                    rates: [0.0; 3],
+                    ..root
+                },
                 member,
             })
         };
@@ -95,7 +107,11 @@ impl Walker {
         let robot = &self.member.robot;
         Speeds {
             travel: robot.top_speed(),
-            turn: if robot.has_heading { robot.top_turn_rate() } else { 0.0 },
+            turn: if robot.has_heading {
+                robot.top_turn_rate()
+            } else {
+                0.0
+            },
         }
     }
 
@@ -104,7 +120,10 @@ impl Walker {
     pub fn edge(&self, from: &State, to: &Pose, heading_free: bool) -> Option<Edge> {
         let robot = &self.member.robot;
         let segments = steer(robot, &from.pose(), to, heading_free)?;
-        let course = Course { start: *from, segments };
+        let course = Course {
+            start: *from,
+            segments,
+        };
         let seconds = course.seconds();
         if seconds <= 0.0 {
             return None;
@@ -120,7 +139,10 @@ impl Walker {
             });
             Edge {
                 reach: Rectangle::around(low.inf(&last), high.sup(&first), self.body.radius),
-                end: State { rates: [0.0; 3], ..course.end(robot) },
+                end: State {
+                    rates: [0.0; 3],
+                    ..course.end(robot)
+                },
                 segments: course.segments,
                 seconds,
                 track,
@@ -137,7 +159,13 @@ impl Walker {
 impl Speeds {
     /// About the time from one pose to another where nothing is in the way.
     pub fn seconds(&self, from: &Pose, to: &Pose) -> f64 {
-        let part = |way: f64, speed: f64| if way > 0.0 && speed > 0.0 { way / speed } else { 0.0 };
+        let part = |way: f64, speed: f64| {
+            if way > 0.0 && speed > 0.0 {
+                way / speed
+            } else {
+                0.0
+            }
+        };
         let turn = wrapped(to.heading - from.heading).abs();
         part((to.at - from.at).norm(), self.travel) + part(turn, self.turn)
     }
@@ -180,7 +208,10 @@ impl Edge {
 
     /// A place is not nearer than the body comes.
     pub fn may_reach(&self, place: Vector) -> bool {
-        self.reach.meets(&Rectangle { min: place, max: place })
+        self.reach.meets(&Rectangle {
+            min: place,
+            max: place,
+        })
     }
 }
 

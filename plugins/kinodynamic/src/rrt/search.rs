@@ -2,9 +2,10 @@
 //! algorithm for the multi-agent pathfinding problem", SoCS 2014): of all nodes that with the fewest conflicts comes first, then
 //! that with the least sum of times, then the oldest.
 //!
-//! Two things may be different from the paper of quadrupeds, each by an option. A robot that is planned anew first tries to keep
-//! clear of all others, as the low level of Barer et al. counts conflicts; so do robots at the root, one after the other. And
-//! constraints of two robots that meet again and again last longer.
+//! Three things may be different from the paper of quadrupeds, each by an option. A robot that is planned anew first tries to keep
+//! clear of all others: the low level of Barer et al. counts conflicts, too. Constraints of two robots that meet again and again
+//! last longer. And a search that is stuck begins anew with a root at which robots are planned one after the other, each clear of
+//! those before it if that is found, and first those that were in conflict most.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -174,11 +175,12 @@ impl<'a> Search<'a> {
         let mut random = Random::new(self.seed, u64::MAX);
         // Who was in conflict most is planned first.
         let mut trouble = vec![0_u64; agents];
-        for _ in 0..self.options.restarts {
+        for beginning in 0..self.options.restarts {
             let mut order: Vec<usize> = (0..agents).collect();
             random.shuffle(&mut order);
             order.sort_by_key(|agent| Reverse(trouble[*agent]));
-            if let Some(root) = self.root(&order)
+            let apart = self.options.avoid && beginning > 0;
+            if let Some(root) = self.root(&order, apart)
                 && let Some(node) = self.high_level(root, &mut trouble)
             {
                 let barriers = node.barriers.iter().flat_map(|last| last.all());
@@ -198,12 +200,12 @@ impl<'a> Search<'a> {
     }
 
     /// Ways of all robots: each alone, or each clear of those before it if it finds such a way.
-    fn root(&mut self, order: &[usize]) -> Option<Node> {
+    fn root(&mut self, order: &[usize], apart: bool) -> Option<Node> {
         let mut plans: Vec<Option<Rc<Plan>>> = vec![None; order.len()];
         for (number, agent) in order.iter().enumerate() {
             let guide = self.guides[*agent].clone();
             let mut found = None;
-            if self.options.avoid {
+            if apart {
                 let planned = plans.iter().flatten().map(|plan| plan.moving.clone());
                 let planned: Vec<Rc<Moving>> = planned.collect();
                 let waiting = order[number + 1..].iter().map(|other| {
@@ -225,7 +227,8 @@ impl<'a> Search<'a> {
             plans[*agent] = Some(found?);
         }
         let plans: Vec<Rc<Plan>> = plans.into_iter().flatten().collect();
-        let pairs = (0..plans.len()).flat_map(|one| (one + 1..plans.len()).map(move |other| [one, other]));
+        let pairs =
+            (0..plans.len()).flat_map(|one| (one + 1..plans.len()).map(move |other| [one, other]));
         let conflicts = pairs.filter_map(|pair| self.conflict(&plans, pair));
         Some(Node {
             conflicts: conflicts.collect(),
@@ -239,11 +242,12 @@ impl<'a> Search<'a> {
         let mut nodes: Vec<Option<Node>> = Vec::new();
         let mut queue: BinaryHeap<Reverse<Key>> = BinaryHeap::new();
         let mut bytes = 0;
-        let push = |nodes: &mut Vec<Option<Node>>, queue: &mut BinaryHeap<Reverse<Key>>, node: Node| {
-            let sum = node.plans.iter().map(|plan| plan.way.arrival()).sum();
-            queue.push(Reverse(Key(node.conflicts.len(), sum, nodes.len())));
-            nodes.push(Some(node));
-        };
+        let push =
+            |nodes: &mut Vec<Option<Node>>, queue: &mut BinaryHeap<Reverse<Key>>, node: Node| {
+                let sum = node.plans.iter().map(|plan| plan.way.arrival()).sum();
+                queue.push(Reverse(Key(node.conflicts.len(), sum, nodes.len())));
+                nodes.push(Some(node));
+            };
         push(&mut nodes, &mut queue, root);
         let mut taken = 0;
         while let Some(Reverse(Key(_, _, number))) = queue.pop() {
@@ -256,10 +260,11 @@ impl<'a> Search<'a> {
             }
             taken += 1;
             self.effort.nodes += 1;
-            let first = node
-                .conflicts
-                .iter()
-                .min_by(|one, other| one.time.total_cmp(&other.time).then(one.pair.cmp(&other.pair)))?;
+            let first = node.conflicts.iter().min_by(|one, other| {
+                one.time
+                    .total_cmp(&other.time)
+                    .then(one.pair.cmp(&other.pair))
+            })?;
             for agent in first.pair {
                 trouble[agent] += 1;
                 if let Some(child) = self.child(&node, first, agent) {
@@ -277,9 +282,14 @@ impl<'a> Search<'a> {
         let other = if agent == one { other } else { one };
         let barriers = || node.barriers.iter().flat_map(|last| last.all());
         let met = barriers().filter(|known| {
-            [known.agent, known.other] == [agent, other] || [known.agent, known.other] == [other, agent]
+            [known.agent, known.other] == [agent, other]
+                || [known.agent, known.other] == [other, agent]
         });
-        let doublings = (met.count() as u32).min(if self.options.widen { MOST_DOUBLINGS } else { 0 });
+        let doublings = (met.count() as u32).min(if self.options.widen {
+            MOST_DOUBLINGS
+        } else {
+            0
+        });
         let delta = self.options.delta_s * f64::from(1_u32 << doublings);
         let (point, time) = self.deepest(&node.plans, conflict);
         let barrier = Rc::new(Barrier {
@@ -300,7 +310,11 @@ impl<'a> Search<'a> {
         let guide = node.plans[agent].way.poses(&self.walkers[agent]);
         let mut found = None;
         if self.options.avoid {
-            let others = node.plans.iter().enumerate().filter(|(number, _)| *number != agent);
+            let others = node
+                .plans
+                .iter()
+                .enumerate()
+                .filter(|(number, _)| *number != agent);
             let others: Vec<Rc<Moving>> = others.map(|(_, plan)| plan.moving.clone()).collect();
             let few = (self.options.samples / 10).max(1);
             found = self.low_level(agent, &constraints, &others, &guide, few);
@@ -310,9 +324,14 @@ impl<'a> Search<'a> {
         }
         let mut plans = node.plans.clone();
         plans[agent] = found?;
-        let kept = node.conflicts.iter().filter(|known| !known.pair.contains(&agent)).copied();
+        let kept = node
+            .conflicts
+            .iter()
+            .filter(|known| !known.pair.contains(&agent))
+            .copied();
         let others = (0..plans.len()).filter(|other| *other != agent);
-        let new = others.filter_map(|other| self.conflict(&plans, [agent.min(other), agent.max(other)]));
+        let new =
+            others.filter_map(|other| self.conflict(&plans, [agent.min(other), agent.max(other)]));
         Some(Node {
             conflicts: kept.chain(new).collect(),
             plans,
@@ -343,7 +362,14 @@ impl<'a> Search<'a> {
         let grown = tree.grow(left, &mut random, &mut || !(self.stop)());
         self.effort.samples += grown.samples;
         let mut way = grown.way?;
-        shorten(walker, &barred, &mut way, grown.free, self.options.shortcuts, &mut random);
+        shorten(
+            walker,
+            &barred,
+            &mut way,
+            grown.free,
+            self.options.shortcuts,
+            &mut random,
+        );
         Some(Rc::new(self.plan(agent, way, grown.lines)))
     }
 
@@ -369,7 +395,11 @@ impl<'a> Search<'a> {
     }
 
     /// A point that two robots have in common, and when: where their overlap grows no more.
-    fn deepest(&self, plans: &[Rc<Plan>], conflict: &Conflict) -> (fleetyard_plugin_plane::Vector, f64) {
+    fn deepest(
+        &self,
+        plans: &[Rc<Plan>],
+        conflict: &Conflict,
+    ) -> (fleetyard_plugin_plane::Vector, f64) {
         let [one, other] = conflict.pair;
         let bodies = [one, other].map(|agent| &self.team.members[agent].body);
         let poses = |time: f64| [one, other].map(|agent| plans[agent].track.at(time));
@@ -392,13 +422,21 @@ impl<'a> Search<'a> {
     /// Plans robots anew, one after the other, each clear of all others; keeps what is shorter. True if something is.
     pub fn improve(&mut self, plans: &mut [Rc<Plan>]) -> bool {
         let mut order: Vec<usize> = (0..plans.len()).collect();
-        order.sort_by(|one, other| plans[*other].way.arrival().total_cmp(&plans[*one].way.arrival()));
+        order.sort_by(|one, other| {
+            plans[*other]
+                .way
+                .arrival()
+                .total_cmp(&plans[*one].way.arrival())
+        });
         let mut improved = false;
         for agent in order {
             if self.is_over() {
                 break;
             }
-            let others = plans.iter().enumerate().filter(|(other, _)| *other != agent);
+            let others = plans
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != agent);
             let others: Vec<Rc<Moving>> = others.map(|(_, plan)| plan.moving.clone()).collect();
             let guide = self.guides[agent].clone();
             let few = (self.options.samples / 10).max(1);
@@ -432,7 +470,12 @@ impl Plan {
     /// About the memory that it takes.
     fn bytes(&self) -> u64 {
         let knots = self.track.knots.len() + self.moving.track.knots.len();
-        let edges: usize = self.way.edges.iter().map(|edge| edge.track.knots.len() + 8).sum();
+        let edges: usize = self
+            .way
+            .edges
+            .iter()
+            .map(|edge| edge.track.knots.len() + 8)
+            .sum();
         ((knots + edges) * 64 + self.lines.len() * 32) as u64
     }
 }

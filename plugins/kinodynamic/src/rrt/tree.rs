@@ -75,7 +75,12 @@ impl<'a> Tree<'a> {
     }
 
     /// Grows until it reaches the goal, or so many samples are drawn, or `more` says no.
-    pub fn grow(mut self, samples: u64, random: &mut Random, more: &mut dyn FnMut() -> bool) -> Grown {
+    pub fn grow(
+        mut self,
+        samples: u64,
+        random: &mut Random,
+        more: &mut dyn FnMut() -> bool,
+    ) -> Grown {
         let mut drawn = 0;
         let way = self.search(samples, random, more, &mut drawn);
         let lines = self.vertices.iter().skip(1).map(|vertex| {
@@ -145,15 +150,26 @@ impl<'a> Tree<'a> {
         let any_turn = |random: &mut Random| (random.share() - 0.5) * TAU;
         if !self.guide.is_empty() && random.share() < self.options.guide_bias {
             let at = random.below(self.guide.len());
-            let (one, next) = (self.guide[at], self.guide[(at + 1).min(self.guide.len() - 1)]);
+            let (one, next) = (
+                self.guide[at],
+                self.guide[(at + 1).min(self.guide.len() - 1)],
+            );
             let pose = one.toward(&next, random.share());
             let spread = self.options.spread_m * random.share();
             let offset = Vector::new(spread, 0.0);
             let offset = crate::robot::rotated(offset, any_turn(random));
-            let turn = if random.one_in(2) { 0.0 } else { any_turn(random) * 0.5 };
+            let turn = if random.one_in(2) {
+                0.0
+            } else {
+                any_turn(random) * 0.5
+            };
             return Pose {
                 at: pose.at + offset,
-                heading: if has_heading { pose.heading + turn } else { 0.0 },
+                heading: if has_heading {
+                    pose.heading + turn
+                } else {
+                    0.0
+                },
             };
         }
         let extent = self.bounds.max - self.bounds.min;
@@ -218,7 +234,13 @@ impl<'a> Tree<'a> {
     }
 
     /// A new vertex at a pose by a motion from another one, which ends at a time or later.
-    fn joined(&mut self, parent: usize, to: &Pose, heading_free: bool, not_before: f64) -> Option<usize> {
+    fn joined(
+        &mut self,
+        parent: usize,
+        to: &Pose,
+        heading_free: bool,
+        not_before: f64,
+    ) -> Option<usize> {
         let vertex = &self.vertices[parent];
         let edge = self.walker.edge(&vertex.state, to, heading_free)?;
         let earliest = not_before - edge.seconds;

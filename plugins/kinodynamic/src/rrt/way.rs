@@ -72,7 +72,13 @@ impl Way {
     }
 
     /// The same motions from the one with this number on, at the earliest departures that are found.
-    fn timed(&self, barred: &Barred<'_>, kept: usize, edges: Vec<Rc<Edge>>, free: f64) -> Option<Self> {
+    fn timed(
+        &self,
+        barred: &Barred<'_>,
+        kept: usize,
+        edges: Vec<Rc<Edge>>,
+        free: f64,
+    ) -> Option<Self> {
         let mut way = Self {
             stays: self.stays[..=kept].to_vec(),
             departures: self.departures[..kept].to_vec(),
@@ -202,8 +208,20 @@ fn shortcut(walker: &Walker, way: &Way, random: &mut Random) -> Option<Change> {
     let target = last.map_or(to_end, |pose| (pose, false));
     // Straight there, or turning at one of the ends.
     match random.below(4) {
-        0 => poses.push((Pose { heading: from.heading, ..target.0 }, false)),
-        1 => poses.push((Pose { at: from.at, heading: target.0.heading }, false)),
+        0 => poses.push((
+            Pose {
+                heading: from.heading,
+                ..target.0
+            },
+            false,
+        )),
+        1 => poses.push((
+            Pose {
+                at: from.at,
+                heading: target.0.heading,
+            },
+            false,
+        )),
         _ => {}
     }
     poses.push(target);
@@ -231,7 +249,11 @@ fn moved(walker: &Walker, way: &Way, random: &mut Random) -> Option<Change> {
         2 => middle.heading + (random.share() - 0.5) * TAU * random.share(),
         _ => before.heading + wrapped(after.heading - before.heading) * random.share(),
     };
-    let heading = if walker.member.robot.has_heading { heading } else { 0.0 };
+    let heading = if walker.member.robot.has_heading {
+        heading
+    } else {
+        0.0
+    };
     let moved = Pose {
         at: middle.at + offset,
         heading,
