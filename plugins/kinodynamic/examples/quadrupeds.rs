@@ -213,11 +213,12 @@ fn picture(
     let mut svg = String::from(
         "<svg xmlns='http://www.w3.org/2000/svg' width='900' height='900' viewBox='0 0 12 12'><rect width='12' height='12' fill='white'/><g transform='matrix(1 0 0 -1 0 12)'>",
     );
-    let points = |corners: &[Vector]| -> String {
-        corners
-            .iter()
-            .map(|at| format!("{:.3},{:.3} ", at.x, at.y))
-            .collect()
+    let points = |corners: &[Vector]| {
+        let mut text = String::new();
+        for at in corners {
+            let _ = write!(text, "{:.3},{:.3} ", at.x, at.y);
+        }
+        text
     };
     for polygon in &world.polygons {
         let _ = write!(svg, "<polygon points='{}' fill='#444'/>", points(polygon));

@@ -12,6 +12,9 @@ use crate::scene::clash;
 /// A departure is put off by so much where a body is in the way, in seconds, and by half as much more each time.
 const PAUSE: f64 = 0.2;
 
+/// A departure is so much later than a constraint asks for, in seconds: times are rounded.
+const LATER: f64 = 1e-6;
+
 /// Departures that are tried on one edge.
 const DEPARTURES: usize = 12;
 
@@ -53,6 +56,14 @@ pub struct Stay {
     pub from: f64,
     /// The time until which it may last.
     pub until: f64,
+}
+
+/// What is in the way on an edge.
+enum Hindrance {
+    Nothing,
+    /// A constraint, for departures before this time.
+    Until(f64),
+    Body,
 }
 
 impl Barred<'_> {
@@ -112,42 +123,46 @@ impl Barred<'_> {
             if departure > stay.until {
                 return None;
             }
-            let next = self.hindered(edge, departure);
-            if next.is_none()
+            let hindrance = self.hindrance(edge, departure);
+            if let Hindrance::Nothing = hindrance
                 && let Some(end) = self.stay(&edge.end.pose(), departure + edge.seconds)
             {
                 return Some((departure, end));
             }
-            departure = match next {
-                Some(Some(time)) => time,
-                _ => {
-                    let later = departure + pause;
-                    pause *= 1.5;
-                    later
-                }
-            };
+            if let Hindrance::Until(time) = hindrance {
+                departure = time;
+            } else {
+                departure += pause;
+                pause *= 1.5;
+            }
         }
         None
     }
 
-    /// Something is in the way on an edge; with the departure from which on that is not so, where it is known.
-    fn hindered(&self, edge: &Edge, departure: f64) -> Option<Option<f64>> {
+    /// What is in the way on an edge.
+    fn hindrance(&self, edge: &Edge, departure: f64) -> Hindrance {
         let end = departure + edge.seconds;
-        let in_time = |known: &&Constraint| known.from <= end && known.to >= departure;
-        for constraint in self.constraints.iter().filter(in_time) {
-            if let Some(after) = self.meets(edge, departure, constraint) {
-                return Some(Some(constraint.to - after + 1e-6));
+        for constraint in &self.constraints {
+            if constraint.from <= end
+                && constraint.to >= departure
+                && let Some(after) = self.meets(edge, departure, constraint)
+            {
+                return Hindrance::Until(constraint.to - after + LATER);
             }
         }
         if self.moving.is_empty() {
-            return None;
+            return Hindrance::Nothing;
         }
         let track = edge.track_at(departure);
         let meets = |moving: &Rc<Moving>| {
             let other = (&moving.body, &moving.track);
             clash((self.body, &track), other, departure, end).is_some()
         };
-        self.moving.iter().any(meets).then_some(None)
+        if self.moving.iter().any(meets) {
+            Hindrance::Body
+        } else {
+            Hindrance::Nothing
+        }
     }
 
     /// Seconds after the departure at which the body first contains a point while it must not.
