@@ -320,7 +320,7 @@ fn obstacles_overlap_and_enclose() {
 fn two_hundred_discs_cross_a_hall() {
     let hall = root().join("maps/hall.task.json");
     let yard = Yard::new();
-    let few = ["ccbs", "eccbs", "cbs-mp", "sssp", "tangent"];
+    let few = ["ccbs", "eccbs", "cbs-mp", "cbs-rrt", "sssp", "tangent"];
     for (representation, view) in [
         (
             "roadmap",

@@ -1,4 +1,4 @@
-//! What one robot has to keep clear of, and when: points that constraints name, and bodies on known ways.
+//! Points that constraints name and bodies on known ways, which one robot has to keep clear of.
 
 use std::rc::Rc;
 
@@ -58,7 +58,7 @@ pub struct Stay {
     pub until: f64,
 }
 
-/// What is in the way on an edge.
+/// A reason why an edge cannot be driven.
 enum Hindrance {
     Nothing,
     /// A constraint, for departures before this time.
@@ -139,7 +139,7 @@ impl Barred<'_> {
         None
     }
 
-    /// What is in the way on an edge.
+    /// The first reason found why an edge cannot be driven with a departure.
     fn hindrance(&self, edge: &Edge, departure: f64) -> Hindrance {
         let end = departure + edge.seconds;
         for constraint in &self.constraints {

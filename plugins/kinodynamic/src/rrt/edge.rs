@@ -4,7 +4,9 @@ use std::rc::Rc;
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::bins::Rectangle;
+use fleetyard_plugin_plane::sssp;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Pose, Space, wrapped};
+use fleetyard_plugin_plane::sssp::roadmap::{self, Roadmap, START, Sampler};
 
 use crate::course::{CHORD, Course, Segment, Track};
 use crate::plugin::{Member, Team};
@@ -22,17 +24,17 @@ pub struct Walker {
     pub member: Member,
     /// Its body, larger by all that its tracks may be off.
     pub body: Body,
-    /// What stands, as that body sees it.
+    /// All that stands, as that body sees it.
     wide: Rc<Space>,
     /// Greatest distance of a track from its motion, in metres and radians.
     chord: f64,
     /// The controls that bring it to rest at first.
     pub braking: Option<Segment>,
-    /// Where it is at rest then.
+    /// The state in which it is at rest then.
     pub root: State,
 }
 
-/// Seconds by which a motion of second order is longer than at full speed all the way, at least.
+/// The fastest that a robot is.
 #[derive(Debug, Clone, Copy)]
 pub struct Speeds {
     travel: f64,
@@ -148,6 +150,37 @@ impl Walker {
                 track,
             }
         })
+    }
+
+    /// Poses from start to goal among what stands, if RRT-Connect finds them while `more` says yes: its straight motions are
+    /// those of a robot without inertia that goes in all directions.
+    pub fn guide(&self, sampler: &mut Sampler, more: &mut dyn FnMut() -> bool) -> Vec<Pose> {
+        let (start, goal) = (self.root.pose(), self.member.goal);
+        let speeds = self.speeds();
+        let heading = if goal.free.heading {
+            start.heading
+        } else {
+            goal.state.heading
+        };
+        let goal = Pose {
+            heading,
+            ..goal.state.pose()
+        };
+        let is_roomy = self.wide.is_free(&start) && self.wide.is_free(&goal);
+        let robot = roadmap::Robot {
+            space: if is_roomy {
+                self.wide.clone()
+            } else {
+                self.member.space.clone()
+            },
+            speed: speeds.travel,
+            turn_rate: speeds.turn,
+            start,
+            goal,
+        };
+        let options = sssp::Options::default();
+        let found = Roadmap::connecting(&robot, sampler, &options, more);
+        found.map_or_else(Vec::new, |roadmap| roadmap.way(START))
     }
 
     /// It may rest in this pose as far as what stands is concerned.

@@ -46,7 +46,7 @@ fn placed((body, pose): (&Body, &Pose)) -> Vec<Vector> {
     body.corners.iter().map(turned).collect()
 }
 
-/// What of a convex polygon is on the left of a line.
+/// The part of a convex polygon on the left of a line.
 fn cut(polygon: &[Vector], from: Vector, to: Vector) -> Vec<Vector> {
     let along = to - from;
     let side = |point: &Vector| along.perp(&(point - from));

@@ -14,6 +14,8 @@ use std::rc::Rc;
 use fleetyard_plugin_plane::sssp::bodies::Pose;
 use fleetyard_plugin_spacetime::random::Random;
 
+use fleetyard_plugin_plane::sssp::roadmap::Sampler;
+
 use super::Options;
 use super::barred::{Barred, Constraint, Moving};
 use super::edge::Walker;
@@ -54,7 +56,7 @@ pub struct Conflict {
     pub time: f64,
 }
 
-/// What a robot must not do, and what it must not do further up in the tree.
+/// A constraint of one robot, and those further up in the tree.
 #[derive(Debug)]
 struct Barrier {
     agent: usize,
@@ -91,7 +93,7 @@ impl Ord for Key {
     }
 }
 
-/// How a search ended.
+/// The end of a search.
 #[derive(Debug)]
 pub enum Outcome {
     /// With a way for every robot, and the constraints that it keeps, each with its robot.
@@ -107,7 +109,7 @@ pub enum Outcome {
 /// Figures of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Effort {
-    /// Samples of all trees.
+    /// Samples of all trees, and their roots.
     pub samples: u64,
     /// Trees.
     pub trees: u64,
@@ -165,8 +167,10 @@ impl<'a> Search<'a> {
     /// A plan of the team.
     pub fn solve(&mut self) -> Outcome {
         let agents = self.walkers.len();
+        let mut sampler = Sampler::new(self.team.scene.world.bounds, self.seed);
         for agent in 0..agents {
-            match self.low_level(agent, &[], &[], &[], self.options.samples) {
+            let guide = self.guide(agent, &mut sampler);
+            match self.low_level(agent, &[], &[], &guide, self.options.samples) {
                 Some(plan) => self.guides[agent] = plan.way.poses(&self.walkers[agent]),
                 None if self.is_over() => return Outcome::Stopped,
                 None => return Outcome::NoWay(agent),
@@ -195,8 +199,29 @@ impl<'a> Search<'a> {
         Outcome::GaveUp
     }
 
+    /// Poses that lead an agent to its goal, if there is one to go to.
+    fn guide(&mut self, agent: usize, sampler: &mut Sampler) -> Vec<Pose> {
+        let walker = &self.walkers[agent];
+        if walker.member.goal.place_m.is_infinite() {
+            return Vec::new();
+        }
+        let most = self.left().min(self.options.samples);
+        let mut drawn = 0;
+        let guide = walker.guide(sampler, &mut || {
+            drawn += 1;
+            drawn <= most && !(self.stop)()
+        });
+        self.effort.samples += drawn.min(most);
+        guide
+    }
+
+    /// Samples that are left.
+    fn left(&self) -> u64 {
+        self.limit.saturating_sub(self.effort.samples)
+    }
+
     fn is_over(&self) -> bool {
-        self.effort.samples >= self.limit || (self.stop)()
+        self.left() == 0 || (self.stop)()
     }
 
     /// Ways of all robots: each alone, or each clear of those before it if it finds such a way.
@@ -356,7 +381,12 @@ impl<'a> Search<'a> {
         };
         let mut random = Random::new(self.seed, self.effort.trees);
         self.effort.trees += 1;
-        let left = self.limit.saturating_sub(self.effort.samples).min(samples);
+        if self.left() == 0 {
+            return None;
+        }
+        // The root is a vertex, too.
+        self.effort.samples += 1;
+        let left = self.left().min(samples);
         let bounds = self.team.scene.world.bounds;
         let tree = Tree::new(walker, &barred, self.options, bounds, guide);
         let grown = tree.grow(left, &mut random, &mut || !(self.stop)());

@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::bins::Rectangle;
-use fleetyard_plugin_plane::sssp::bodies::Pose;
+use fleetyard_plugin_plane::sssp::bodies::{Pose, wrapped};
 use fleetyard_plugin_spacetime::random::Random;
 
 use super::Options;
@@ -21,7 +21,16 @@ use crate::robot::State;
 /// Vertices that may become the parent of a new one.
 const PARENTS: usize = 5;
 
-/// What came of a tree.
+/// Motions to a sample that are tried, each half as long as the one before.
+const HALVINGS: usize = 3;
+
+/// Most pieces between two poses of a guide.
+const MOST_PIECES: f64 = 1000.0;
+
+/// Metres, and radians, between poses of a guide that are tried.
+const PIECE: f64 = 0.4;
+
+/// A tree that has grown.
 #[derive(Debug)]
 pub struct Grown {
     /// The way to the goal, if one was found.
@@ -124,11 +133,12 @@ impl<'a> Tree<'a> {
         if !anywhere && let Some(way) = self.finish(0) {
             return Some(way);
         }
-        let mut guide = self.guide.iter();
+        let led = led(self.guide);
+        let mut led = led.iter();
         while *drawn < samples && more() {
             *drawn += 1;
-            let led = guide.next().copied();
-            let wanted = led.unwrap_or_else(|| self.sample(random));
+            let wanted = led.next().copied();
+            let wanted = wanted.unwrap_or_else(|| self.sample(random));
             let Some(added) = self.extend(&wanted, random) else {
                 continue;
             };
@@ -215,22 +225,33 @@ impl<'a> Tree<'a> {
                 wanted.heading = along(&from, wanted.at, false);
             }
         }
-        if !self.walker.is_free(&wanted) {
-            return None;
+        // As far as it is clear, more or less.
+        for _ in 0..HALVINGS {
+            if self.walker.is_free(&wanted)
+                && let Some(added) = self.reach(&near, &wanted)
+            {
+                return Some(added);
+            }
+            wanted = from.toward(&wanted, 0.5);
         }
+        None
+    }
+
+    /// A new vertex at a pose by a motion from one of these, from where it is there first.
+    fn reach(&mut self, near: &[(f64, usize)], wanted: &Pose) -> Option<usize> {
         let speeds = self.walker.speeds();
         let mut parents: Vec<(f64, usize)> = near
-            .into_iter()
+            .iter()
             .map(|(_, number)| {
-                let vertex = &self.vertices[number];
-                let seconds = speeds.seconds(&vertex.state.pose(), &wanted);
-                (vertex.stay.from + seconds, number)
+                let vertex = &self.vertices[*number];
+                let seconds = speeds.seconds(&vertex.state.pose(), wanted);
+                (vertex.stay.from + seconds, *number)
             })
             .collect();
         parents.sort_by(|one, other| one.0.total_cmp(&other.0).then(one.1.cmp(&other.1)));
         parents
             .into_iter()
-            .find_map(|(_, parent)| self.joined(parent, &wanted, false, 0.0))
+            .find_map(|(_, parent)| self.joined(parent, wanted, false, 0.0))
     }
 
     /// A new vertex at a pose by a motion from another one, which ends at a time or later.
@@ -277,4 +298,17 @@ impl<'a> Tree<'a> {
         way.stays.reverse();
         way
     }
+}
+
+/// The poses of a guide, then others between them.
+fn led(guide: &[Pose]) -> Vec<Pose> {
+    let mut poses = guide.to_vec();
+    for pair in guide.windows(2) {
+        let turn = wrapped(pair[1].heading - pair[0].heading).abs();
+        let pieces = (pair[1].at - pair[0].at).norm().max(turn) / PIECE;
+        let pieces = pieces.ceil().clamp(1.0, MOST_PIECES);
+        let between = (1..pieces as u32).map(|piece| f64::from(piece) / pieces);
+        poses.extend(between.map(|part| pair[0].toward(&pair[1], part)));
+    }
+    poses
 }

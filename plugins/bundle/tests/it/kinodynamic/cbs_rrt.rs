@@ -1,5 +1,6 @@
 //! Conflict-based search over random trees: constraints, and plans of teams.
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -21,7 +22,7 @@ use proptest::prelude::*;
 
 use super::tasks::{Problem, rectangle, robot};
 
-/// What the planner said.
+/// An answer of the planner.
 struct Answer {
     end: Result<(), Failure>,
     plans: Vec<Vec<Course>>,
@@ -102,8 +103,8 @@ fn quadruped(length: f64, width: f64, speed: f64, change: f64) -> Robot {
     let mut own = robot(
         "fleetyard.holonomic-2/1",
         rectangle(length, width),
-        &[speed, speed / 2.0, 1.57],
-        &[change, change, 3.14],
+        &[speed, speed / 2.0, FRAC_PI_2],
+        &[change, change, PI],
     );
     own.state_limits[3][0] = Some(-speed / 2.0);
     own
