@@ -169,8 +169,12 @@ impl<'a> Search<'a> {
         let agents = self.walkers.len();
         let mut sampler = Sampler::new(self.team.scene.world.bounds, self.seed);
         for agent in 0..agents {
-            let guide = self.guide(agent, &mut sampler);
-            match self.low_level(agent, &[], &[], &guide, self.options.samples) {
+            let mut found = self.low_level(agent, &[], &[], &[], self.few());
+            if found.is_none() && !self.is_over() {
+                let guide = self.guide(agent, &mut sampler);
+                found = self.low_level(agent, &[], &[], &guide, self.options.samples);
+            }
+            match found {
                 Some(plan) => self.guides[agent] = plan.way.poses(&self.walkers[agent]),
                 None if self.is_over() => return Outcome::Stopped,
                 None => return Outcome::NoWay(agent),
@@ -215,6 +219,11 @@ impl<'a> Search<'a> {
         guide
     }
 
+    /// Samples of a tree that may fail.
+    fn few(&self) -> u64 {
+        (self.options.samples / 10).max(1)
+    }
+
     /// Samples that are left.
     fn left(&self) -> u64 {
         self.limit.saturating_sub(self.effort.samples)
@@ -240,10 +249,9 @@ impl<'a> Search<'a> {
                     })
                 });
                 let all: Vec<Rc<Moving>> = planned.iter().cloned().chain(waiting).collect();
-                let few = (self.options.samples / 10).max(1);
-                found = self.low_level(*agent, &[], &all, &guide, few);
+                found = self.low_level(*agent, &[], &all, &guide, self.few());
                 if found.is_none() && !planned.is_empty() && !self.is_over() {
-                    found = self.low_level(*agent, &[], &planned, &guide, few);
+                    found = self.low_level(*agent, &[], &planned, &guide, self.few());
                 }
             }
             if found.is_none() && !self.is_over() {
@@ -341,8 +349,7 @@ impl<'a> Search<'a> {
                 .enumerate()
                 .filter(|(number, _)| *number != agent);
             let others: Vec<Rc<Moving>> = others.map(|(_, plan)| plan.moving.clone()).collect();
-            let few = (self.options.samples / 10).max(1);
-            found = self.low_level(agent, &constraints, &others, &guide, few);
+            found = self.low_level(agent, &constraints, &others, &guide, self.few());
         }
         if found.is_none() && !self.is_over() {
             found = self.low_level(agent, &constraints, &[], &guide, self.options.samples);
@@ -469,8 +476,7 @@ impl<'a> Search<'a> {
                 .filter(|(other, _)| *other != agent);
             let others: Vec<Rc<Moving>> = others.map(|(_, plan)| plan.moving.clone()).collect();
             let guide = self.guides[agent].clone();
-            let few = (self.options.samples / 10).max(1);
-            let Some(plan) = self.low_level(agent, &[], &others, &guide, few) else {
+            let Some(plan) = self.low_level(agent, &[], &others, &guide, self.few()) else {
                 continue;
             };
             if plan.way.arrival() >= plans[agent].way.arrival() - 1e-6 {

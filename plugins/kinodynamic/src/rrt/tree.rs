@@ -226,12 +226,14 @@ impl<'a> Tree<'a> {
             }
         }
         // As far as it is clear, more or less.
+        let mut near = &near[..];
         for _ in 0..HALVINGS {
             if self.walker.is_free(&wanted)
-                && let Some(added) = self.reach(&near, &wanted)
+                && let Some(added) = self.reach(near, &wanted)
             {
                 return Some(added);
             }
+            near = &near[..1];
             wanted = from.toward(&wanted, 0.5);
         }
         None
