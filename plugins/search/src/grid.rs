@@ -143,6 +143,27 @@ impl Grid {
         true
     }
 
+    /// The cells that are free here and not there, or the other way round, with what they are here; `None` if one grid
+    /// has another size or other neighbours.
+    pub fn changes_from(&self, other: &Self) -> Option<Vec<(u32, bool)>> {
+        let shape = |grid: &Self| (grid.rows, grid.cols, grid.neighbors);
+        if shape(self) != shape(other) {
+            return None;
+        }
+        // Whole rows are compared at once.
+        let changed = (0..self.rows).flat_map(|row| {
+            let first = self.place(row * self.cols) as usize;
+            let places = first..first + self.cols as usize;
+            let (now, before) = (&self.free[places.clone()], &other.free[places]);
+            let cells = if now == before { &[] } else { now };
+            let cells = cells.iter().zip(before).enumerate();
+            cells
+                .filter(|(_, (now, before))| now != before)
+                .map(move |(col, (now, _))| (row * self.cols + col as u32, *now))
+        });
+        Some(changed.collect())
+    }
+
     /// The length of a path in cells' sides: 1 for a straight move, √2 for a diagonal
     /// one, and the Euclidean distance between cells that are further apart.
     pub fn length(&self, path: &[u32]) -> f64 {

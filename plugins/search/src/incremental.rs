@@ -276,19 +276,35 @@ struct Trees {
     eight: Tree<Octile>,
 }
 
-/// LPA* or D* Lite, once per call. What it is made for is a [`Replanner`].
+/// LPA* or D* Lite behind a call: once per call, or with what the last call left.
 #[derive(Debug)]
 pub struct Incremental {
     method: Method,
     trees: Trees,
+    /// True if trees are kept from call to call; then the robot of the last one.
+    keeps: bool,
+    kept: Option<Replanner>,
 }
 
 impl Incremental {
-    /// One of the two.
+    /// One of the two, which begins anew in each call.
     pub fn new(method: Method) -> Self {
         Self {
             method,
             trees: Trees::default(),
+            keeps: false,
+            kept: None,
+        }
+    }
+
+    /// The same with a tree that stays from call to call, and is repaired where the map has changed or the robot has
+    /// moved. Another root (the goal of D* Lite, the start of LPA*) or a map of another size begins anew. Of several
+    /// shortest paths earlier calls decide which is found.
+    #[must_use]
+    pub fn keeping(self) -> Self {
+        Self {
+            keeps: true,
+            ..self
         }
     }
 }
@@ -312,6 +328,20 @@ impl Search for Incremental {
         limit: &mut Limit<'_>,
         path: &mut Vec<u32>,
     ) -> Answer {
+        if self.keeps {
+            let known = self.kept.take().filter(|known| known.goal == goal);
+            let again = known.and_then(|mut known| {
+                known.set_free(grid.changes_from(&known.grid)?);
+                known.move_to(start);
+                Some(known)
+            });
+            let robot = again.or_else(|| Replanner::new(self.method, grid.clone(), start, goal));
+            self.kept = robot;
+            return match &mut self.kept {
+                Some(robot) => robot.plan(limit, path),
+                None => Answer::new(Outcome::NoPath, 0),
+            };
+        }
         let (root, target) = self.method.ends(grid.place(start), grid.place(goal));
         let from_start = self.method == Method::LpaStar;
         match grid.neighbors() {

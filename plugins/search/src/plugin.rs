@@ -453,37 +453,50 @@ impl Variety for JumpPointOptions {
     }
 }
 
+/// One of the two incremental searches, with a tree that stays from call to call if it is to.
+fn incremental(method: Method, keep_tree: bool) -> Incremental {
+    let search = Incremental::new(method);
+    if keep_tree { search.keeping() } else { search }
+}
+
 options! {
-    /// Options of `lpa-star`: none.
-    LpaOptions {}
+    /// Options of `lpa-star`.
+    LpaOptions {
+        /// True to keep the tree from call to call, and to repair it where the map has changed.
+        keep_tree: bool = false,
+    }
 }
 
 impl Variety for LpaOptions {
     const ID: &'static str = "lpa-star";
     const NAME: &'static str = "LPA*";
-    const ABOUT: &'static str = "Lifelong planning A*, asked once per call: the library has it \
-         for maps that change; shortest paths (Koenig, Likhachev, Furcy, 2004).";
+    const ABOUT: &'static str = "Lifelong planning A*: repairs its tree where the map has changed, if it may keep it; \
+         shortest paths (Koenig, Likhachev, Furcy, 2004).";
     type Search = Incremental;
 
     fn search(self) -> Result<Incremental, String> {
-        Ok(Incremental::new(Method::LpaStar))
+        Ok(incremental(Method::LpaStar, self.keep_tree))
     }
 }
 
 options! {
-    /// Options of `d-star-lite`: none.
-    DStarLiteOptions {}
+    /// Options of `d-star-lite`.
+    DStarLiteOptions {
+        /// True to keep the tree from call to call, and to repair it where the map has changed or the
+        /// robot has moved.
+        keep_tree: bool = false,
+    }
 }
 
 impl Variety for DStarLiteOptions {
     const ID: &'static str = "d-star-lite";
     const NAME: &'static str = "D* Lite";
-    const ABOUT: &'static str = "D* Lite, asked once per call: the library has it for robots \
-         that move on maps that change; shortest paths (Koenig, Likhachev, 2002).";
+    const ABOUT: &'static str = "D* Lite: searches from the goal, and repairs its tree where the map has changed or the \
+         robot has moved, if it may keep it; shortest paths (Koenig, Likhachev, 2002).";
     type Search = Incremental;
 
     fn search(self) -> Result<Incremental, String> {
-        Ok(Incremental::new(Method::DStarLite))
+        Ok(incremental(Method::DStarLite, self.keep_tree))
     }
 }
 

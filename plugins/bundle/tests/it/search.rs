@@ -336,6 +336,42 @@ proptest! {
         }
     }
 
+    /// As a planner is asked: a map, a start and a goal in each call.
+    #[test]
+    fn trees_that_are_kept_find_paths_as_short_as_those_that_are_not(
+        scene in scenes(),
+        changes in proptest::collection::vec((0_u32..200, any::<bool>(), 0_u8..8), 1..30),
+        method in prop_oneof![Just(Method::LpaStar), Just(Method::DStarLite)],
+        eight in any::<bool>(),
+    ) {
+        let neighbors = BOTH[usize::from(eight)];
+        let mut kept = Incremental::new(method).keeping();
+        let (mut now, mut path) = (scene.clone(), Vec::new());
+        let cells = scene.free.len() as u32;
+        for (cell, free, what) in changes {
+            let cell = cell % cells;
+            match what {
+                0 => now.start = cell,
+                1 => now.goal = cell,
+                _ => now.free[cell as usize] = free,
+            }
+            if what == 3 {
+                continue;
+            }
+            let grid = now.grid(neighbors);
+            let answer = kept.search(&grid, now.start, now.goal, &mut Limit::none(), &mut path);
+            let open = now.free[now.start as usize] && now.free[now.goal as usize];
+            match if open { now.distance(neighbors, false) } else { None } {
+                Some(best) => {
+                    prop_assert_eq!(answer.outcome, Outcome::Found);
+                    let length = walked(&now, &grid, &path, "kept")?;
+                    prop_assert!((length - best).abs() < 1e-9, "{} {}", length, best);
+                }
+                None => prop_assert_eq!(answer.outcome, Outcome::NoPath),
+            }
+        }
+    }
+
     #[test]
     fn limits_end_searches(scene in scenes(), nodes in 1_u64..60) {
         let others: Vec<(String, Box<dyn Search>)> = vec![
