@@ -211,6 +211,7 @@ impl Scene {
                 corridor: 1,
                 algorithm: MazeAlgorithm::Backtracker,
                 random: MazeRandom::ChaCha,
+                loops: 0,
                 seed,
             }),
         };

@@ -8,9 +8,9 @@
 //!
 //! # Contract
 //!
-//! A [`Maze`] is a spanning tree of its cells. So every cell can be reached from
-//! every other one, whatever start and goal are, and the shortest way is the only
-//! one that visits no cell twice.
+//! A [`Maze`] is a spanning tree of its cells as it is carved. So every cell can be reached
+//! from every other one, whatever start and goal are, and the shortest way is the only
+//! one that visits no cell twice, until [`Maze::open_loops`] opens others.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -255,6 +255,20 @@ impl Maze {
         }
     }
 
+    /// Opens so many of the walls that are left, any equally likely, or all if there are fewer: it has that many loops then,
+    /// and is no tree any more. Walls and seed decide; the numbers are this project's own.
+    pub fn open_loops(&mut self, loops: u32, seed: u64) {
+        let cells = 0..self.cell_count();
+        let mut walls: Vec<(u32, u32)> = cells
+            .flat_map(|cell| self.adjacent(cell).map(move |to| (cell, to)))
+            .filter(|(cell, to)| cell < to && !self.passage(*cell, *to))
+            .collect();
+        SeededRandom::new("map maze loops", seed).shuffle(&mut walls);
+        for (cell, to) in walls.into_iter().take(loops as usize) {
+            self.open_wall(cell, to);
+        }
+    }
+
     /// Neighbours, walls or not, in the order north, east, south, west.
     fn adjacent(&self, cell: u32) -> impl Iterator<Item = u32> + use<> {
         let (x, y) = self.position(cell);
@@ -410,9 +424,18 @@ pub struct MazeSpec {
     /// The source of its random numbers.
     #[serde(default)]
     pub random: MazeRandom,
+    /// Number of walls that are opened besides, each of which closes a loop; all of them if there are fewer.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub loops: u32,
     /// Chooses the maze.
     #[serde(skip_deserializing)]
     pub seed: u64,
+}
+
+/// A maze without loops is written as it was before there were any.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_none(loops: &u32) -> bool {
+    *loops == 0
 }
 
 impl MazeSpec {
@@ -431,17 +454,22 @@ impl MazeSpec {
             corridor: 1,
             algorithm,
             random,
+            loops: 0,
             seed,
         }
     }
 
     /// `maze-ROWS-COLS-CORRIDOR`; with Python's numbers `maze-ROWS-COLS-CORRIDOR-ALGORITHM-SEED`,
-    /// since such mazes come in series.
+    /// since such mazes come in series. Loops are added as `-loops-N`.
     pub fn name(&self) -> String {
         let name = format!("maze-{}-{}-{}", self.rows, self.cols, self.corridor);
-        match self.random {
+        let name = match self.random {
             MazeRandom::ChaCha => name,
             MazeRandom::Python => format!("{name}-{}-{}", self.algorithm.name(), self.seed),
+        };
+        match self.loops {
+            0 => name,
+            loops => format!("{name}-loops-{loops}"),
         }
     }
 
@@ -456,7 +484,9 @@ impl MazeSpec {
             (self.rows - 1).div_ceil(pitch),
             (self.cols - 1).div_ceil(pitch),
         );
-        Maze::carve(width, height, self.algorithm, self.random, self.seed)
+        let mut maze = Maze::carve(width, height, self.algorithm, self.random, self.seed)?;
+        maze.open_loops(self.loops, self.seed);
+        Ok(maze)
     }
 
     /// The map.

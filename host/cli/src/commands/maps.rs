@@ -98,6 +98,9 @@ pub(crate) enum Generate {
         /// Source of the random numbers
         #[arg(long, value_parser = word::<MazeRandom>(), default_value_t)]
         random: MazeRandom,
+        /// Walls that are opened besides: each closes a loop
+        #[arg(long, value_name = "N", default_value_t = 0)]
+        loops: u32,
         /// Seed of the map
         #[arg(long, value_name = "N", default_value_t = 1)]
         seed: u64,
@@ -344,6 +347,7 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
             corridor,
             algorithm,
             random,
+            loops,
             seed,
             out,
             ..
@@ -356,6 +360,7 @@ fn spec(what: &Generate) -> (MapSpec, &OutArgs) {
                     corridor: *corridor,
                     algorithm: *algorithm,
                     random: *random,
+                    loops: *loops,
                     seed: *seed,
                 }),
                 out,

@@ -281,14 +281,15 @@ fn specs() -> impl Strategy<Value = MapSpec> {
                 })
             }
         ),
-        (size(), 1u32..6, (algorithm, random), any::<u64>()).prop_map(
-            |((rows, cols), corridor, (algorithm, random), seed)| {
+        (size(), 1u32..6, (algorithm, random, 0u32..9), any::<u64>()).prop_map(
+            |((rows, cols), corridor, (algorithm, random, loops), seed)| {
                 MapSpec::Maze(MazeSpec {
                     rows,
                     cols,
                     corridor,
                     algorithm,
                     random,
+                    loops,
                     seed,
                 })
             }
@@ -416,6 +417,7 @@ fn shipped() -> Vec<(MapSpec, ScenarioSpec)> {
                 corridor: 3,
                 algorithm,
                 random: MazeRandom::ChaCha,
+                loops: 0,
                 seed: 1,
             }),
             ScenarioSpec {

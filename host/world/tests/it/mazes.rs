@@ -193,3 +193,36 @@ fn wide_corridors_begin_and_end_on_free_cells() {
         assert_eq!(instance.starts(), [cols + 1]);
     }
 }
+
+/// A tree of c cells has c − 1 passages, and every other wall between two cells closes a loop.
+#[test]
+fn loops_are_walls_of_the_same_maze_that_are_opened() {
+    let tree = MazeSpec::lattice(9, 7, MazeAlgorithm::Backtracker, MazeRandom::Python, 7);
+    let free = |loops| {
+        let spec = MazeSpec {
+            loops,
+            ..tree.clone()
+        };
+        let grid = spec.generate().unwrap();
+        let cells = 0..grid.cell_count();
+        (
+            grid.name().to_owned(),
+            cells
+                .filter(|cell| grid.is_passable(*cell))
+                .collect::<Vec<_>>(),
+        )
+    };
+    let (name, without) = free(0);
+    assert_eq!(name, "maze-19-15-1-backtracker-7");
+    assert_eq!(without.len(), 63 + 62);
+    let (name, with) = free(12);
+    assert_eq!(name, "maze-19-15-1-backtracker-7-loops-12");
+    assert_eq!(with.len(), without.len() + 12);
+    assert!(without.iter().all(|cell| with.contains(cell)));
+    assert_eq!(free(12), (name, with));
+    // All walls between two of 9 × 7 cells: no pillar falls.
+    assert_eq!(free(u32::MAX).1.len(), 63 + 8 * 7 + 9 * 6);
+    // Files of before have none.
+    let written = serde_json::to_string(&tree).unwrap();
+    assert!(!written.contains("loops"), "{written}");
+}
