@@ -245,6 +245,120 @@ fn memory_of_the_host_is_the_same_in_replays_and_after_a_restart() {
     assert!(refused.stderr.contains("in another state"), "{refused}");
 }
 
+/// Robots that accelerate and turn, and a planner that begins anew in each call.
+#[test]
+fn cells_close_while_robots_drive_and_nobody_is_in_them() {
+    let yard = Yard::new();
+    let asked = format!(
+        "fleet --map {} --agents 30 --duration 60s --planner pibt --closures 2,5s --format json",
+        map("random-32-32-20.map")
+    );
+    let line = format!("{asked} --record run --trace run.fyt --trace-every 6");
+    let whole = yard.line(&line).expect(SUCCESS).json();
+    assert_eq!(whole["execution"]["contacts"], 0);
+    assert!(metric(&whole, "goals_reached") > 10);
+    let closures = whole["closures"].as_array().unwrap();
+    assert!(closures.len() > 60, "{}", closures.len());
+    assert!(counts(&whole)["map-changed"].as_u64().unwrap() > 60);
+    yard.line("trace export run.fyt --csv states.csv")
+        .expect(SUCCESS);
+    let text = |name: &str| String::from_utf8(yard.read(name)).unwrap();
+    let states = text("states.csv");
+    let mut seen = 0;
+    for state in states.lines().skip(1) {
+        let numbers: Vec<f64> = state
+            .split(',')
+            .map(|number| number.parse().unwrap())
+            .collect();
+        let (time_s, x, y) = (numbers[1], numbers[3], numbers[4]);
+        let cell = (31.0 - y.floor()) * 32.0 + x.floor();
+        for closure in closures {
+            let [at, from_s, until_s] =
+                ["cell", "from_s", "until_s"].map(|key| closure[key].as_f64().unwrap());
+            assert!(
+                (at - cell).abs() > 0.5 || time_s <= from_s || time_s >= until_s,
+                "{state}: {closure}"
+            );
+            seen += u32::from(time_s > from_s && time_s < until_s);
+        }
+    }
+    assert!(seen > 10_000, "{seen}");
+    // The same again without plugins, and from the middle on.
+    let rounds = text("run");
+    let part: String = rounds.split_inclusive('\n').take(40).collect();
+    yard.write("part", part);
+    for again in ["--replay run", "--resume part", "--replay part"] {
+        let outcome = yard
+            .line(&format!("fleet {again} --format json"))
+            .expect(SUCCESS)
+            .json();
+        assert_eq!(digest(&outcome), digest(&whole), "{again}");
+        assert_eq!(outcome["closures"], whole["closures"], "{again}");
+    }
+    for (wrong, reason) in [
+        ("--closures 2", "closures per second and a duration"),
+        ("--closures 0,5s", "closing.per_s"),
+        ("--closures 1,0s", "longer than nothing"),
+        ("--closures 1,5s --rules synchronous", "synchronous"),
+        (
+            "--closures 1,5s --planner roadmap-pp --motion stop-go",
+            "continuous time",
+        ),
+    ] {
+        let planner = if wrong.contains("--planner") {
+            ""
+        } else {
+            "--planner pibt"
+        };
+        let line = format!(
+            "fleet --map {} --agents 3 {planner} {wrong}",
+            map("random-32-32-20.map")
+        );
+        let refused = yard.line(&line);
+        assert_ne!(refused.code, Some(SUCCESS), "{refused}");
+        assert!(refused.stderr.contains(reason), "{refused}");
+    }
+}
+
+/// One robot in a maze with loops: both find shortest ways, and the tree that is kept is repaired with less work.
+#[test]
+fn a_tree_that_is_kept_is_repaired_where_cells_close() {
+    let yard = Yard::new();
+    yard.line("maps generate maze --width 31 --height 31 --loops 180 --seed 7 --name loops")
+        .expect(SUCCESS);
+    let searched = |planner: &str| {
+        let line = format!(
+            "fleet --map loops.map --agents 1 --seed 3 --duration 900s --model pebble --window 0s --planner {planner} --generator \
+             distinct-one-goal --invocation event-based --fail-policy all-wait --limit 200ms --closures 0.3,30s --record run \
+             --format json"
+        );
+        let outcome = yard.line(&line).expect(SUCCESS).json();
+        assert_eq!(outcome["metrics"]["invalid_batches"], 0);
+        let again = rounds(&yard, "run").into_iter().filter(|round| {
+            let notices = round["notices"].as_array();
+            notices.is_some_and(|all| all.iter().any(|notice| notice["kind"] == "map-changed"))
+        });
+        let expansions: Vec<f64> = again
+            .filter_map(|round| round["expansions"].as_f64())
+            .collect();
+        assert!(expansions.len() > 100, "{}", expansions.len());
+        (
+            metric(&outcome, "goals_reached"),
+            expansions.iter().sum::<f64>() / expansions.len() as f64,
+        )
+    };
+    let (goals, anew) = searched("astar");
+    let (kept_goals, kept) = searched("d-star-lite keep_tree=true");
+    assert!(
+        goals > 5 && goals.abs_diff(kept_goals) <= 2,
+        "{goals} {kept_goals}"
+    );
+    assert!(
+        kept * 3.0 < anew,
+        "{kept} expansions with the tree, {anew} without"
+    );
+}
+
 #[test]
 fn guidance_is_read_recorded_and_refused_for_another_map() {
     let yard = Yard::new();

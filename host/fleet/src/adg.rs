@@ -942,6 +942,24 @@ impl Adg {
         }
     }
 
+    /// True of a cell where an agent is, or into which it was told to go; with `planned` into which it is to go at all.
+    pub fn is_held(&self, cell: u32, planned: bool) -> bool {
+        let visit = |at: u32| self.visits.get(at as usize);
+        let place = self.places.get(cell as usize);
+        let first = place.and_then(|place| visit(place.front));
+        let mut all = std::iter::successors(first, move |at| visit(at.behind));
+        all.any(|visit| planned || visit.number <= self.robots[visit.agent as usize].enqueued)
+    }
+
+    /// True if somebody is to go, but was not told to yet, into a cell of which this is true.
+    pub fn leads_into(&self, is_it: &dyn Fn(u32) -> bool) -> bool {
+        self.robots.iter().any(|robot| {
+            let visit = |at: u32| self.visits.get(at as usize);
+            let mut all = std::iter::successors(visit(robot.next), |at| visit(at.after));
+            all.any(|visit| is_it(visit.node.cell))
+        })
+    }
+
     /// Number of agents.
     pub fn agents(&self) -> usize {
         self.robots.len()

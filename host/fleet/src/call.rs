@@ -22,6 +22,9 @@ use crate::run::judge_by;
 use crate::timed::{Ordered, Timed, is_timed};
 use crate::{By, EventKind, FleetConfig, FleetError};
 
+/// The name of the figure by which a planner tells how much it searched.
+const EXPANSIONS: &str = "expansions";
+
 /// The name of the figure by which a planner tells how many robots it holds back.
 const HELD_BACK: &str = "held_back";
 
@@ -34,6 +37,8 @@ pub(crate) struct Call {
     pub(crate) state: FleetState,
     /// The memory that goes with it to those who read it.
     pub(crate) memory: Memory,
+    /// The map as it is from now on, where it has changed since the last call.
+    pub(crate) map: Option<(Arc<Grid>, SharedEnvironment)>,
     /// True per agent that may be given no task, for it has one; none if that does not matter.
     pub(crate) busy: Vec<bool>,
 }
@@ -56,6 +61,8 @@ pub(crate) struct Answer {
     pub(crate) planner_ms: Option<f64>,
     /// Processor time of the planner, if it was asked and that is known.
     pub(crate) planner_cpu_ms: Option<f64>,
+    /// Expansions of its search, as it says.
+    pub(crate) expansions: Option<f64>,
     /// Robots that the planner says it holds back.
     pub(crate) held_back: Option<f64>,
     /// Wall-clock time of the fail policy, if it was asked.
@@ -180,6 +187,18 @@ impl Pipeline {
 
     /// Answers a call.
     pub(crate) fn answer(&mut self, call: &Call) -> Answer {
+        if let Some((grid, environment)) = &call.map {
+            self.components = grid.components(Connectivity::Four);
+            self.grid = Arc::clone(grid);
+            self.environment = SharedEnvironment::clone(environment);
+            for module in [
+                &mut self.planner,
+                &mut self.generator,
+                &mut self.fail_policy,
+            ] {
+                module.forget_map();
+            }
+        }
         let state = &call.state;
         let mut answer = Answer {
             window_steps: state.next.window_steps,
@@ -189,6 +208,7 @@ impl Pipeline {
             motion: state.next.motion,
             planner_ms: None,
             planner_cpu_ms: None,
+            expansions: None,
             held_back: None,
             recovery_ms: None,
             kept: Vec::new(),
@@ -381,6 +401,8 @@ impl Pipeline {
         let kept = call.memory.news(self.planner.info(), run.kept.take());
         answer.kept.extend(kept);
         answer.planner_ms = Some(milliseconds(&run));
+        let expansions = run.metrics.get(EXPANSIONS).copied();
+        answer.expansions = expansions.filter(|count| count.is_finite() && *count >= 0.0);
         // A claim of more robots than there are, or of fewer than none, means nothing.
         let agents = call.state.next.agents() as f64;
         let held = run.metrics.get(HELD_BACK).copied();

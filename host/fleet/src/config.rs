@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::FleetError;
 use crate::adg::Pace;
+use crate::closures::ClosureRate;
 use crate::timed::is_timed;
 
 /// The time at which an answer takes effect.
@@ -151,6 +152,9 @@ pub struct FleetConfig {
     pub series_s: f64,
     /// The allowance of calls.
     pub allowance: Allowance,
+    /// Cells that close while robots drive, if some do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing: Option<ClosureRate>,
     /// Cells, steps, blocks, disturbances. A step is also ε, the least time of an action.
     pub sim: SimConfig,
 }
@@ -174,6 +178,7 @@ impl Default for FleetConfig {
             watchdog_s: 10.0,
             series_s: 1.0,
             allowance: Allowance::default(),
+            closing: None,
             sim: SimConfig::default(),
         }
     }
@@ -256,6 +261,29 @@ impl FleetConfig {
             Some((_, reason, hint)) => {
                 let reason = format!("{reason}, which synchronous rules do not know");
                 Err(InputError::new("rules", reason).hint(hint).into())
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses what runs with cells that close have no place for.
+    fn validate_closing(&self) -> Result<(), FleetError> {
+        let wrong = [
+            (
+                self.is_synchronous(),
+                "by synchronous rules none close",
+                "leave the rules out",
+            ),
+            (
+                is_timed(self.motion),
+                "planners in continuous time learn their map once",
+                "plan in steps, as with the motion `pebble`",
+            ),
+        ];
+        match wrong.into_iter().find(|(is_wrong, ..)| *is_wrong) {
+            Some((_, reason, hint)) => {
+                let reason = format!("cells close while robots drive, but {reason}");
+                Err(InputError::new("closures", reason).hint(hint).into())
             }
             None => Ok(()),
         }
@@ -347,6 +375,23 @@ impl FleetConfig {
         }
         if self.is_synchronous() {
             self.validate_synchronous()?;
+        }
+        if let Some(ClosureRate { per_s, for_s }) = self.closing {
+            range(
+                "closing.per_s",
+                per_s,
+                1e-9,
+                1e4,
+                "give closures per second, above 0 and up to 10000",
+            )?;
+            range(
+                "closing.for_s",
+                for_s,
+                1e-3,
+                366.0 * day,
+                "give seconds between 0.001 and a year",
+            )?;
+            self.validate_closing()?;
         }
         Ok(self.sim.validate()?)
     }

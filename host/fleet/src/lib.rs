@@ -8,6 +8,7 @@ mod answers;
 pub mod assign;
 pub mod batch;
 mod call;
+mod closures;
 mod config;
 mod course;
 mod error;
@@ -21,6 +22,7 @@ mod series;
 pub mod steps;
 pub mod timed;
 
+pub use closures::{Closure, ClosureRate};
 pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig, Rules};
 pub use error::FleetError;
 pub use fleetyard_sim::trace::By;

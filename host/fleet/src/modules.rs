@@ -118,6 +118,11 @@ impl Module {
         })
     }
 
+    /// The map has changed: it is told the new one before its next call.
+    pub(crate) fn forget_map(&mut self) {
+        self.prepared = false;
+    }
+
     /// Treats the fault of a call: a plugin that only reported a failure goes on, any other that
     /// failed is dead or may not be trusted, and starts again at its next call. Its last words, if
     /// it had some.

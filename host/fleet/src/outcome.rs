@@ -6,6 +6,7 @@ use fleetyard_core::{Digest, words};
 use fleetyard_sim::Figures;
 use serde::{Deserialize, Serialize};
 
+use crate::closures::Closure;
 use crate::{FleetConfig, ModuleInfo};
 
 /// The end of a run.
@@ -47,6 +48,8 @@ pub enum EventKind {
     NotRestarted,
     /// Robots that would have moved round in a ring were held before it.
     RingsCut,
+    /// Cells closed or opened: the planner is called.
+    MapChanged,
     /// A planner that was started anew for a run that goes on answers otherwise than it did
     /// when the run was recorded.
     ResumedOtherwise,
@@ -66,6 +69,7 @@ words!(EventKind {
     Restarted = "restarted";
     NotRestarted = "not-restarted";
     RingsCut = "rings-cut";
+    MapChanged = "map-changed";
     ResumedOtherwise = "resumed-otherwise";
 });
 
@@ -286,6 +290,9 @@ pub struct FleetOutcome {
     pub series: Vec<Point>,
     /// Things that went otherwise than they should, in order; at most [`FleetOutcome::EVENTS`].
     pub events: Vec<FleetEvent>,
+    /// Cells that closed, in order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub closures: Vec<Closure>,
     /// Per cell, row by row, for how many seconds robots stood still there.
     pub waiting_s_per_cell: Vec<f64>,
     /// Per cell and move, in the order of the letters `NESW`, how often robots did it. Files have none

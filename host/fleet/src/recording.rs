@@ -132,6 +132,9 @@ pub struct Round {
     /// Processor time of the planner, if it was asked and that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner_cpu_ms: Option<f64>,
+    /// Expansions of the planner's search, as it says; absent if it says nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expansions: Option<f64>,
     /// Robots that the planner says it holds back; absent if it says nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_back: Option<f64>,
@@ -190,7 +193,7 @@ pub struct End {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Line {
-    Round(Round),
+    Round(Box<Round>),
     End(End),
 }
 
@@ -424,7 +427,7 @@ impl Recording {
         match parse(&self.name, self.line, &text)? {
             Line::Round(mut round) => {
                 round.line = self.line;
-                Ok(Some(round))
+                Ok(Some(*round))
             }
             Line::End(_) => Ok(None),
         }

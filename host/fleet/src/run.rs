@@ -25,6 +25,7 @@ use crate::answers::{Answers, Plugins, Replay, broken};
 use crate::assign::{Assigner, Giving, Source};
 use crate::batch::{Batch, Refused, judge, judge_first};
 use crate::call::{Answer, Call, Pipeline, ask};
+use crate::closures::Closures;
 use crate::course::Course;
 use crate::memory::Keeper;
 use crate::modules::{Module, ModuleInfo, Modules};
@@ -329,6 +330,11 @@ struct Run<'a> {
     robots: Vec<Robot>,
     /// Notices that belong to the next call, which was not made yet.
     early: Vec<Notice>,
+    /// Cells that close, if some do.
+    closures: Option<Closures>,
+    /// The map has changed since the last call, and since plugins were told of it.
+    changed: bool,
+    untold: bool,
     /// Blocks in all, and from a call to its effect in `lockstep`: of a planner's limit, but by
     /// synchronous rules none.
     blocks: u64,
@@ -436,6 +442,11 @@ impl<'a> Run<'a> {
             answers,
             robots: robots(ground.fleet),
             early: Vec::new(),
+            closures: config
+                .closing
+                .map(|closing| Closures::new(closing, grid, config.seed)),
+            changed: false,
+            untold: false,
             blocks,
             block: 0,
             appended: 0,
@@ -463,6 +474,7 @@ impl<'a> Run<'a> {
         self.live.begin(watch.sink().unwrap_or(&mut NoTrace))?;
         loop {
             self.learn();
+            self.close();
             let over = if self.is_over() {
                 Some(Ended::Duration)
             } else if watch.is_interrupted() || !self.take_answer(watch)? {
@@ -547,6 +559,31 @@ impl<'a> Run<'a> {
         keeper.block(self.block);
     }
 
+    /// Closes and opens cells. Robots give up what they were not told to do yet where that leads into a closed one.
+    fn close(&mut self) {
+        let (Some(closures), Course::Driven(adg)) = (&mut self.closures, &mut self.course) else {
+            return;
+        };
+        let now_s = self.live.now_s();
+        // The answer to a call that was made begins where robots are committed to be.
+        let called = self.open.is_some();
+        let (closed, opened) = closures.go_on(now_s, &mut |cell| adg.is_held(cell, called));
+        if closed + opened == 0 {
+            return;
+        }
+        if adg.leads_into(&|cell| closures.is_closed(cell)) {
+            adg.cut(0);
+        }
+        (self.changed, self.untold) = (true, true);
+        if self.answers.recorded().is_none() {
+            self.early.push(Notice {
+                kind: EventKind::MapChanged,
+                module: "host".into(),
+                message: format!("cells closed: {closed}, opened: {opened}"),
+            });
+        }
+    }
+
     /// Tells the trace what the fleet did at the beginning of the block.
     fn tell(&mut self, watch: &mut dyn Watch) -> Result<(), FleetError> {
         let (log, tick) = (&mut self.log, self.live.tick());
@@ -622,6 +659,7 @@ impl<'a> Run<'a> {
             paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
             planner_ms: answer.planner_ms,
             planner_cpu_ms: answer.planner_cpu_ms,
+            expansions: answer.expansions,
             held_back: answer.held_back,
             recovery_ms: answer.recovery_ms,
             kept: answer.kept,
@@ -691,6 +729,12 @@ impl<'a> Run<'a> {
             .append(batch, &mut |agent, index| assigner.goal(agent, index))
             .map_err(|error| FleetError::Broken(error.to_string()))?;
         let (rings, stopped) = (appended.rings_cut, appended.stopped);
+        if let (Some(closures), Course::Driven(adg)) = (&self.closures, &mut self.course)
+            && adg.leads_into(&|cell| closures.is_closed(cell))
+        {
+            // Closed since the call was made; the next one is due.
+            adg.cut(0);
+        }
         if rings > 0 {
             let notice = Notice {
                 kind: EventKind::RingsCut,
@@ -741,7 +785,7 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         let mut opening = std::mem::take(&mut self.early);
-        let invoke = self.calls == 0 || self.policy_invokes(&mut opening)?;
+        let invoke = self.calls == 0 || self.changed || self.policy_invokes(&mut opening)?;
         let idle_s = (self.idle.saturating_sub(1)) as f64 * period_s;
         if !invoke && idle_s >= self.config.watchdog_s {
             opening.push(Notice {
@@ -796,6 +840,7 @@ impl<'a> Run<'a> {
         let config = self.config;
         let mut cut = self.cut();
         let number = self.calls;
+        self.changed = false;
         let assigner = &mut self.assigner;
         // Tasks that are given only now have kept nobody waiting.
         let current: Vec<u32> = (cut.next_goal.iter().enumerate())
@@ -825,9 +870,18 @@ impl<'a> Run<'a> {
             None => Some(self.answers.plugins()?),
         };
         if let Some(plugins) = plugins {
+            let map = match &self.closures {
+                Some(closures) if std::mem::take(&mut self.untold) => {
+                    let map = closures.map(self.ground.grid)?;
+                    let environment = environment(&map, config);
+                    Some((map, environment))
+                }
+                _ => None,
+            };
             plugins.call(Call {
                 number,
                 memory,
+                map,
                 state: FleetState {
                     time_s: self.live.now_s(),
                     next: Instance {
@@ -951,6 +1005,9 @@ impl<'a> Run<'a> {
             moves: self.tally.moves.counts,
             series: self.tally.series,
             events: self.tally.events,
+            closures: self
+                .closures
+                .map_or_else(Vec::new, |closures| closures.past),
             waiting_s_per_cell,
         })
     }

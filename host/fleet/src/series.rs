@@ -115,7 +115,9 @@ impl Tally {
             // Plans in continuous time have theirs cut before they are recorded.
             self.rings_cut += u64::from(notice.kind == EventKind::RingsCut);
             let block = match notice.kind {
-                EventKind::Watchdog | EventKind::InvocationFault => round.block,
+                EventKind::Watchdog | EventKind::InvocationFault | EventKind::MapChanged => {
+                    round.block
+                }
                 _ => round.effect,
             };
             self.notice(block, notice);

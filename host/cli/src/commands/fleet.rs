@@ -15,9 +15,9 @@ use fleetyard_bench::{half_of_memory, number, start_modules};
 use fleetyard_core::formats::{TaskList, load_league, load_lorr_tasks};
 use fleetyard_core::{Grid, InputError, load_guidance, load_map};
 use fleetyard_fleet::{
-    Allowance, Assign, CallTimes, Clock, CutBy, End, Ended, FleetConfig, FleetOutcome, Ground,
-    ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Rules, Watch, replay, resume,
-    run,
+    Allowance, Assign, CallTimes, Clock, ClosureRate, CutBy, End, Ended, FleetConfig, FleetOutcome,
+    Ground, ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Rules, Watch, replay,
+    resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::trace::TraceOptions;
@@ -206,6 +206,10 @@ pub(super) struct FleetAsked {
     queue: u32,
     #[command(flatten)]
     disturbance: DisturbanceArgs,
+    /// Close free cells where no robot is: so many per second on average, each for so long, such as 0.1,30s. The planner is
+    /// called when cells close or open
+    #[arg(long, help_heading = ROBOTS, value_name = "RATE,DURATION", value_parser = closing)]
+    closures: Option<ClosureRate>,
     /// Side of a cell in metres
     #[arg(long, help_heading = ROBOTS, value_name = "METRES", default_value_t = SimConfig::default().cell_size_m)]
     cell_size: f64,
@@ -296,6 +300,15 @@ fn seconds(text: &str) -> std::result::Result<f64, String> {
 
 fn seconds_text(seconds: f64) -> String {
     duration_text(Duration::from_secs_f64(seconds))
+}
+
+fn closing(text: &str) -> std::result::Result<ClosureRate, String> {
+    let wrong = || "write closures per second and a duration, such as 0.1,30s".to_owned();
+    let (rate, duration) = text.split_once(',').ok_or_else(wrong)?;
+    Ok(ClosureRate {
+        per_s: rate.parse().map_err(|_| wrong())?,
+        for_s: positive_seconds(duration)?,
+    })
 }
 
 fn positive_seconds(text: &str) -> std::result::Result<f64, String> {
@@ -636,6 +649,7 @@ pub(super) fn asked_config(
         assign: asked.assign,
         reveal,
         watchdog_s: asked.watchdog,
+        closing: asked.closures,
         allowance: Allowance {
             prepare_s: asked.prepare_budget,
             call_s: asked.call_budget,
