@@ -471,6 +471,7 @@ fn plugins_are_listed_and_described() {
             "sssp",
             "cbs-mp",
             "cbs-rrt",
+            "hybrid-astar",
             "empty",
             "astar",
             "dijkstra",

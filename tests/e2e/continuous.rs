@@ -21,7 +21,7 @@ fn planners(representation: &str) -> Vec<String> {
 
 /// True if a planner is for one robot alone.
 fn is_of_one(planner: &str) -> bool {
-    planner == "tangent"
+    ["tangent", "hybrid-astar"].contains(&planner)
 }
 
 /// Planners that find every plan, given time.
@@ -320,7 +320,15 @@ fn obstacles_overlap_and_enclose() {
 fn two_hundred_discs_cross_a_hall() {
     let hall = root().join("maps/hall.task.json");
     let yard = Yard::new();
-    let few = ["ccbs", "eccbs", "cbs-mp", "cbs-rrt", "sssp", "tangent"];
+    let few = [
+        "ccbs",
+        "eccbs",
+        "cbs-mp",
+        "cbs-rrt",
+        "sssp",
+        "tangent",
+        "hybrid-astar",
+    ];
     for (representation, view) in [
         (
             "roadmap",

@@ -4,6 +4,7 @@
 use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_kinodynamic::plugin::cbs_rrt::CbsRrt;
+use fleetyard_plugin_kinodynamic::plugin::hybrid_astar::HybridAstar;
 use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
@@ -42,6 +43,7 @@ fleetyard_abi::export! {
         Sssp,
         CbsMp,
         CbsRrt,
+        HybridAstar,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

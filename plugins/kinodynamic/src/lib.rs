@@ -9,10 +9,12 @@
 //! - [`optimise`]: courses of a team that end sooner;
 //! - [`scene`]: bodies among obstacles, movers and each other;
 //! - [`rrt`]: conflict-based search over trees of single robots;
+//! - [`hybrid`]: one robot by Hybrid A\*;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
 pub mod course;
+pub mod hybrid;
 pub mod optimise;
 pub mod plugin;
 pub mod robot;

@@ -21,6 +21,7 @@ use crate::robot::{DYNAMICS, Free, Goal, Robot, State};
 use crate::scene::{Scene, clash, is_clear};
 
 pub mod cbs_rrt;
+pub mod hybrid_astar;
 
 /// A way to plan; the type is that of its options.
 pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
@@ -70,7 +71,7 @@ pub struct Member {
     pub goal: Goal,
     /// Its body, with half of the distance that robots keep from each other.
     pub body: Body,
-    /// What stands, as its body sees it with the distance that it keeps.
+    /// The obstacles at rest, as its body sees them with the distance that it keeps.
     pub space: Rc<Space>,
 }
 

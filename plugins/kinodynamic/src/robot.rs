@@ -31,7 +31,7 @@ const ROUNDING: f64 = 1e-10;
 /// A piece that is integrated turns by no more, in radians.
 const PIECE_RAD: f64 = 0.25;
 
-/// Where a robot is, and how it moves. Rates of a robot of first order are zero.
+/// The place of a robot, and how it moves. Rates of a robot of first order are zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
     /// Its origin, in metres.

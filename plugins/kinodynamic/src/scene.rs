@@ -10,7 +10,7 @@ use crate::course::{Knot, Track, between};
 /// The world of a team: what stands, and what moves.
 #[derive(Debug)]
 pub struct Scene<'a> {
-    /// What stands.
+    /// The obstacles at rest, and the bounds.
     pub world: &'a World,
     /// Discs that give way to nobody.
     pub movers: Vec<Mover>,
@@ -56,7 +56,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// What stands as a body sees it that keeps so many metres of distance. Movers are not among it.
+    /// The obstacles at rest as a body sees them that keeps so many metres of distance. Movers are not among them.
     pub fn space(&self, body: &Body, clearance: f64) -> Rc<Space> {
         let body = body.grown(clearance);
         let (polygons, bounds) = (&self.world.polygons, self.world.bounds);

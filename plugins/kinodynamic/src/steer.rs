@@ -74,13 +74,27 @@ pub fn steer(robot: &Robot, from: &Pose, to: &Pose, heading_free: bool) -> Optio
         .min_by(|one, other| seconds(one).total_cmp(&seconds(other)))
 }
 
+/// Seconds that a displacement along the robot's axes takes with all rates in proportion, at full speed; infinite where a limit is
+/// zero.
+pub fn seconds_at_rates(robot: &Robot, by: &[f64; 3]) -> f64 {
+    parts(by, &robot.rates, robot.polar_rates)
+}
+
+/// Seconds more that it takes from rest to rest, where full speed is reached on the way.
+pub fn seconds_lost(robot: &Robot, by: &[f64; 3]) -> f64 {
+    if !robot.is_second {
+        return 0.0;
+    }
+    let up_to = |by: &[f64; 3]| parts(by, &robot.changes, robot.polar_changes);
+    (up_to(by) + up_to(&by.map(|number| -number))) / (2.0 * seconds_at_rates(robot, by))
+}
+
 /// Controls from rest to rest over a displacement along the robot's axes, with all rates in proportion.
-fn proportional(robot: &Robot, by: &[f64; 3]) -> Option<Vec<Segment>> {
+pub fn proportional(robot: &Robot, by: &[f64; 3]) -> Option<Vec<Segment>> {
     if by.iter().all(|number| *number == 0.0) {
         return Some(Vec::new());
     }
-    // Seconds at full speed.
-    let least = parts(by, &robot.rates, robot.polar_rates);
+    let least = seconds_at_rates(robot, by);
     if !least.is_finite() {
         return None;
     }

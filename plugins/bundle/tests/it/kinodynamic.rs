@@ -2,5 +2,6 @@
 
 mod cbs_rrt;
 mod foundation;
+mod hybrid;
 mod optimise;
 mod tasks;
