@@ -5,10 +5,11 @@
 //! When episodes change on purpose, run with `FLEETYARD_UPDATE_EXPECTED=1`, look at the
 //! pictures in `expected/episodes/`, and commit them.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::{env, fs};
 
-use fleetyard_testkit::{INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{INVALID_PLAN, SUCCESS, USAGE, Yard, have, root};
 use fleetyard_view::difference;
 use serde_json::Value;
 
@@ -227,4 +228,89 @@ fn plans_are_judged_and_driven_by_path_rules() {
     let makespan = driven["makespan_s"].as_f64().unwrap();
     assert!((makespan - (2f64.sqrt() + 2.0)).abs() < 1e-9, "{driven}");
     assert_eq!(driven["contacts_agent_obstacle"], 1, "{driven}");
+}
+
+/// Rows of a table that a script of the benchmark wrote, by column.
+fn rows(script: &str, arguments: &str) -> Vec<BTreeMap<String, String>> {
+    let yard = Yard::new();
+    let script = root().join("scripts").join(script);
+    yard.shell(&format!(
+        "FLEETYARD=fleetyard python3 '{}' {arguments} --out out --rows rows.csv",
+        script.display()
+    ))
+    .expect(SUCCESS);
+    let text = String::from_utf8(yard.read("rows.csv")).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned));
+    let heads: Vec<String> = lines.next().unwrap().collect();
+    lines
+        .map(|line| heads.iter().cloned().zip(line).collect())
+        .collect()
+}
+
+#[test]
+fn plans_are_driven_by_a_robot_with_a_body() {
+    if !have("python3") {
+        return;
+    }
+    let planners = "--planner astar --planner theta-star --planner tangent --planner hybrid-astar";
+    let rows = rows("maze_drive.py", &format!("--sizes 3 --seeds 2 {planners}"));
+    let number = |row: &BTreeMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+    // hybrid-astar is asked for robots of first and of second order.
+    assert_eq!(rows.len(), 2 * 5);
+    for row in &rows {
+        let planner = row["planner"].as_str();
+        assert_eq!(
+            [&row["solved"], &row["law_arrived"], &row["program_arrived"]],
+            ["1"; 3],
+            "{row:?}"
+        );
+        assert_eq!(row["controls"] == "1", planner == "hybrid-astar", "{row:?}");
+        assert!(number(row, "law_off_max_m") < 0.06, "{row:?}");
+        // On the middle of lanes of a metre, and on the ways of its disc, a body of 0.6 by 0.4 m has room to turn; lines past
+        // corners have none. The law turns where a plan of controls may not.
+        if planner != "hybrid-astar" {
+            let is_clear = row["law_contacts"] == "0";
+            assert_eq!(is_clear, planner != "theta-star", "{row:?}");
+        }
+        assert_eq!(
+            number(row, "plan_margin_m") > 0.0,
+            planner != "theta-star",
+            "{row:?}"
+        );
+    }
+    let length = |planner: &str| {
+        let of = rows.iter().filter(|row| row["planner"] == planner);
+        of.map(|row| number(row, "length_m")).sum::<f64>()
+    };
+    assert!(length("tangent") < length("astar"));
+}
+
+#[test]
+fn cells_that_close_delay_a_robot_that_does_not_know_of_them() {
+    if !have("python3") {
+        return;
+    }
+    let planners = "--planner astar --planner 'd-star-lite keep_tree=true'";
+    let rows = rows(
+        "maze_closures.py",
+        &format!("--sizes 9 --seeds 1 {planners}"),
+    );
+    let of = |column: &str| {
+        let column = rows.iter().map(|row| row[column].parse::<f64>().unwrap());
+        column.collect::<Vec<_>>()
+    };
+    assert_eq!(rows.len(), 2);
+    assert!(of("goals").iter().all(|goals| *goals > 10.0));
+    assert!(of("replans").iter().all(|replans| *replans > 20.0));
+    let [anew, kept] = of("expansions_replan")[..] else {
+        panic!("{rows:?}");
+    };
+    assert!(
+        kept < anew / 2.0,
+        "{kept} expansions with the tree, {anew} without"
+    );
+    // Who knows everything in advance is never later.
+    for (took, informed) in of("goal_s").iter().zip(of("informed_s")) {
+        assert!(*took >= informed && *took < informed * 1.5, "{rows:?}");
+    }
 }
