@@ -472,6 +472,8 @@ fn plugins_are_listed_and_described() {
             "cbs-mp",
             "cbs-rrt",
             "hybrid-astar",
+            "rrt-star",
+            "sst",
             "empty",
             "astar",
             "dijkstra",

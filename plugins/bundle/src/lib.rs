@@ -5,6 +5,8 @@ use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_kinodynamic::plugin::cbs_rrt::CbsRrt;
 use fleetyard_plugin_kinodynamic::plugin::hybrid_astar::HybridAstar;
+use fleetyard_plugin_kinodynamic::plugin::rrt_star::RrtStar;
+use fleetyard_plugin_kinodynamic::plugin::sst::Sst;
 use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
 use fleetyard_plugin_neighborhood::plugin::{MapfLns, MapfLns2};
 use fleetyard_plugin_plane::plugin::PlanePrioritised;
@@ -44,6 +46,8 @@ fleetyard_abi::export! {
         CbsMp,
         CbsRrt,
         HybridAstar,
+        RrtStar,
+        Sst,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

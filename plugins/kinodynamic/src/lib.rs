@@ -10,6 +10,7 @@
 //! - [`scene`]: bodies among obstacles, movers and each other;
 //! - [`rrt`]: conflict-based search over trees of single robots;
 //! - [`hybrid`]: one robot by Hybrid A\*;
+//! - [`sampling`]: trees of random samples;
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
@@ -19,5 +20,6 @@ pub mod optimise;
 pub mod plugin;
 pub mod robot;
 pub mod rrt;
+pub mod sampling;
 pub mod scene;
 pub mod steer;

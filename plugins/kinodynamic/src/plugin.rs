@@ -22,6 +22,8 @@ use crate::scene::{Scene, clash, is_clear};
 
 pub mod cbs_rrt;
 pub mod hybrid_astar;
+pub mod rrt_star;
+pub mod sst;
 
 /// A way to plan; the type is that of its options.
 pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
@@ -72,6 +74,7 @@ pub struct Member {
     /// Its body, with half of the distance that robots keep from each other.
     pub body: Body,
     /// The obstacles at rest, as its body sees them with the distance that it keeps.
+    /// Obstacles that stand, as its body sees them with the distance that it keeps.
     pub space: Rc<Space>,
 }
 

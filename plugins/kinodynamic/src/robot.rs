@@ -28,6 +28,9 @@ pub const UNLIMITED: f64 = 1.0;
 /// Rates may exceed a limit by this part of it: they are sums of many changes.
 const ROUNDING: f64 = 1e-10;
 
+/// A miss by less is rounding, in metres, radians and their rates.
+const MISSED: f64 = 1e-9;
+
 /// A piece that is integrated turns by no more, in radians.
 const PIECE_RAD: f64 = 0.25;
 
@@ -330,12 +333,12 @@ impl Goal {
         (state.at - self.state.at, turn, rates)
     }
 
-    /// A state is within the tolerances.
+    /// A state is within the tolerances, or misses it by rounding where there are none.
     pub fn is_reached(&self, state: &State) -> bool {
         let (place, turn, rates) = self.missed(state);
-        place.norm() <= self.place_m
-            && turn.abs() <= self.heading_rad
-            && rates.iter().all(|rate| rate.abs() <= self.rate)
+        place.norm() <= self.place_m.max(MISSED)
+            && turn.abs() <= self.heading_rad.max(MISSED)
+            && rates.iter().all(|rate| rate.abs() <= self.rate.max(MISSED))
     }
 }
 

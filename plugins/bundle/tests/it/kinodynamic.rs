@@ -4,4 +4,5 @@ mod cbs_rrt;
 mod foundation;
 mod hybrid;
 mod optimise;
+mod sampling;
 mod tasks;

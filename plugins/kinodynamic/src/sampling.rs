@@ -1,0 +1,7 @@
+//! Trees of random samples: ways from rest to rest, controls drawn at random, and teams of such robots.
+
+pub mod drive;
+pub mod motions;
+pub mod near;
+pub mod rrt_star;
+pub mod sst;
