@@ -1,6 +1,8 @@
 //! Small matrices of fixed size as arrays of rows.
 //!
-//! They are loops, which are fast in the profile that tests and planners are built with; generic code of nalgebra is not.
+//! They are plain loops over indices: in the profile that tests and planners are built with, iterators are hardly inlined and take
+//! twice the time.
+#![expect(clippy::needless_range_loop, reason = "see above")]
 
 /// So many rows, and so many columns.
 pub type Matrix<const R: usize, const C: usize> = [[f64; C]; R];
@@ -16,10 +18,10 @@ pub fn product<const R: usize, const S: usize, const C: usize>(
     b: &Matrix<S, C>,
 ) -> Matrix<R, C> {
     let mut all = zeros::<R, C>();
-    for (row, a) in all.iter_mut().zip(a) {
-        for (factor, b) in a.iter().zip(b) {
-            for (sum, number) in row.iter_mut().zip(b) {
-                *sum += factor * number;
+    for row in 0..R {
+        for middle in 0..S {
+            for column in 0..C {
+                all[row][column] += a[row][middle] * b[middle][column];
             }
         }
     }
@@ -32,21 +34,38 @@ pub fn transposed_product<const R: usize, const S: usize, const C: usize>(
     b: &Matrix<S, C>,
 ) -> Matrix<R, C> {
     let mut all = zeros::<R, C>();
-    for (a, b) in a.iter().zip(b) {
-        for (row, factor) in all.iter_mut().zip(a) {
-            for (sum, number) in row.iter_mut().zip(b) {
-                *sum += factor * number;
+    for middle in 0..S {
+        for row in 0..R {
+            for column in 0..C {
+                all[row][column] += a[middle][row] * b[middle][column];
             }
         }
     }
     all
 }
 
+/// A Bᵀ, added to what is there.
+pub fn add_product_transposed<const R: usize, const S: usize, const C: usize>(
+    all: &mut Matrix<R, C>,
+    a: &Matrix<R, S>,
+    b: &Matrix<C, S>,
+) {
+    for row in 0..R {
+        for column in 0..C {
+            for middle in 0..S {
+                all[row][column] += a[row][middle] * b[column][middle];
+            }
+        }
+    }
+}
+
 /// A v.
 pub fn times<const R: usize, const C: usize>(a: &Matrix<R, C>, v: &[f64; C]) -> [f64; R] {
     let mut all = [0.0; R];
-    for (sum, row) in all.iter_mut().zip(a) {
-        *sum = dot(row, v);
+    for row in 0..R {
+        for column in 0..C {
+            all[row] += a[row][column] * v[column];
+        }
     }
     all
 }
@@ -57,9 +76,9 @@ pub fn transposed_times<const R: usize, const C: usize>(
     v: &[f64; R],
 ) -> [f64; C] {
     let mut all = [0.0; C];
-    for (row, factor) in a.iter().zip(v) {
-        for (sum, number) in all.iter_mut().zip(row) {
-            *sum += factor * number;
+    for row in 0..R {
+        for column in 0..C {
+            all[column] += a[row][column] * v[row];
         }
     }
     all
@@ -67,37 +86,38 @@ pub fn transposed_times<const R: usize, const C: usize>(
 
 /// v + w.
 pub fn sum<const R: usize>(v: &[f64; R], w: &[f64; R]) -> [f64; R] {
-    std::array::from_fn(|number| v[number] + w[number])
-}
-
-/// v · w.
-pub fn dot(v: &[f64], w: &[f64]) -> f64 {
-    v.iter().zip(w).map(|(v, w)| v * w).sum()
+    let mut all = *v;
+    for row in 0..R {
+        all[row] += w[row];
+    }
+    all
 }
 
 /// These numbers on the diagonal.
 pub fn diagonal<const R: usize>(numbers: &[f64; R]) -> Matrix<R, R> {
     let mut all = zeros::<R, R>();
-    for (number, row) in all.iter_mut().enumerate() {
-        row[number] = numbers[number];
+    for row in 0..R {
+        all[row][row] = numbers[row];
     }
     all
 }
 
 /// Adds B to A.
 pub fn add<const R: usize, const C: usize>(a: &mut Matrix<R, C>, b: &Matrix<R, C>) {
-    for (sum, number) in a.iter_mut().flatten().zip(b.iter().flatten()) {
-        *sum += number;
+    for row in 0..R {
+        for column in 0..C {
+            a[row][column] += b[row][column];
+        }
     }
 }
 
 /// Makes a matrix symmetric that is so but for rounding.
 pub fn level<const R: usize>(a: &mut Matrix<R, R>) {
-    for row in 1..R {
-        let (above, below) = a.split_at_mut(row);
-        for (column, other) in above.iter_mut().enumerate() {
-            let mean = f64::midpoint(other[row], below[0][column]);
-            (other[row], below[0][column]) = (mean, mean);
+    for row in 0..R {
+        for column in 0..row {
+            let mean = f64::midpoint(a[row][column], a[column][row]);
+            a[row][column] = mean;
+            a[column][row] = mean;
         }
     }
 }
@@ -107,7 +127,10 @@ pub fn cholesky<const R: usize>(a: &Matrix<R, R>) -> Option<Matrix<R, R>> {
     let mut lower = zeros::<R, R>();
     for row in 0..R {
         for column in 0..=row {
-            let rest = a[row][column] - dot(&lower[row][..column], &lower[column][..column]);
+            let mut rest = a[row][column];
+            for before in 0..column {
+                rest -= lower[row][before] * lower[column][before];
+            }
             if row > column {
                 lower[row][column] = rest * lower[column][column];
             } else if rest > 0.0 {
@@ -124,7 +147,9 @@ pub fn cholesky<const R: usize>(a: &Matrix<R, R>) -> Option<Matrix<R, R>> {
 pub fn solved<const R: usize>(lower: &Matrix<R, R>, v: &[f64; R]) -> [f64; R] {
     let mut x = *v;
     for row in 0..R {
-        x[row] -= dot(&lower[row][..row], &x[..row]);
+        for before in 0..row {
+            x[row] -= lower[row][before] * x[before];
+        }
         x[row] *= lower[row][row];
     }
     for row in (0..R).rev() {

@@ -7,8 +7,8 @@
 //! price, and so a program always has a solution.
 
 use super::matrix::{
-    Matrix, add, cholesky, diagonal, dot, level, product, solved, sum, times, transposed_product,
-    transposed_times, zeros,
+    Matrix, add, add_product_transposed, cholesky, diagonal, level, product, solved, sum, times,
+    transposed_product, transposed_times, zeros,
 };
 
 /// A step: x' = A x + B u + d. States and controls are weighted by diagonals, and controls have linear costs.
@@ -35,8 +35,9 @@ pub struct Row {
     pub stage: usize,
     /// It is of the control.
     pub is_of_control: bool,
-    /// Numbers and their factors; a factor of zero where there are fewer.
-    pub terms: [(usize, f64); 4],
+    terms: [(usize, f64); 4],
+    /// Numbers that have a factor.
+    count: usize,
     /// The bound.
     pub least: f64,
     /// Price of a unit below it; infinite if that may not be.
@@ -44,7 +45,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Of these numbers of a state or a control.
+    /// Of these numbers of a state or a control, four at most.
     pub fn new(
         (stage, is_of_control): (usize, bool),
         terms: &[(usize, f64)],
@@ -52,6 +53,7 @@ impl Row {
         price: f64,
     ) -> Self {
         Self {
+            count: terms.len().min(4),
             stage,
             is_of_control,
             terms: std::array::from_fn(|term| terms.get(term).copied().unwrap_or((0, 0.0))),
@@ -61,10 +63,16 @@ impl Row {
     }
 
     fn of(&self, numbers: &[f64]) -> f64 {
-        let terms = self.terms.iter();
-        terms
-            .map(|(number, factor)| factor * numbers[*number])
-            .sum()
+        let mut sum = 0.0;
+        for (number, factor) in self.terms() {
+            sum += factor * numbers[*number];
+        }
+        sum
+    }
+
+    /// Numbers and their factors.
+    fn terms(&self) -> &[(usize, f64)] {
+        &self.terms[..self.count]
     }
 
     /// The sum of the factors of a solution less the bound.
@@ -319,11 +327,7 @@ impl<const N: usize, const M: usize> Program<N, M> {
             }
             later = transposed_product(&stage.by_state, &by_state);
             add(&mut later, &sweep.state_weight);
-            for (row, cross) in later.iter_mut().zip(&sweep.cross) {
-                for (number, gain) in row.iter_mut().zip(&sweep.gain) {
-                    *number += dot(cross, gain);
-                }
-            }
+            add_product_transposed(&mut later, &sweep.cross, &sweep.gain);
             level(&mut later);
         }
         Some(())
@@ -350,8 +354,8 @@ impl<const N: usize, const M: usize> Program<N, M> {
             } else {
                 &mut next.states[row.stage]
             };
-            for (number, factor) in row.terms {
-                costs[number] -= factor * force;
+            for (number, factor) in row.terms() {
+                costs[*number] -= factor * force;
             }
         }
         let mut cost = next.states[steps];
@@ -394,9 +398,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 }
 
 fn square<const R: usize>(all: &mut Matrix<R, R>, row: &Row, weight: f64) {
-    let terms = || row.terms.iter().filter(|(_, factor)| *factor != 0.0);
-    for (one, factor) in terms() {
-        for (other, other_factor) in terms() {
+    for (one, factor) in row.terms() {
+        for (other, other_factor) in row.terms() {
             all[*one][*other] += weight * factor * other_factor;
         }
     }
