@@ -1,5 +1,9 @@
 //! Motions that need not be possible, and their steps.
 
+use std::f64::consts::PI;
+
+use fleetyard_plugin_plane::Vector;
+
 use crate::course::{Course, Knot, Segment, Track};
 use crate::plugin::Member;
 use crate::robot::{Robot, State};
@@ -58,6 +62,22 @@ impl Guess {
             start: self.states[0],
             segments: self.segments.clone(),
         }
+    }
+
+    /// The same beside the straight line between its ends, to the right by so many metres half-way.
+    pub(super) fn aside(&self, metres: f64) -> Self {
+        let mut aside = self.clone();
+        let (first, last) = (self.states[0].at, self.states[self.segments.len()].at);
+        let Some(ahead) = (last - first).try_normalize(f64::EPSILON) else {
+            return aside;
+        };
+        let (whole, mut time) = (self.seconds(), 0.0);
+        let right = Vector::new(ahead.y, -ahead.x);
+        for (segment, state) in self.segments.iter().zip(&mut aside.states[1..]) {
+            time += segment.seconds;
+            state.at += right * (metres * libm::sin(PI * time / whole));
+        }
+        aside
     }
 
     /// Straight from state to state.
@@ -130,8 +150,9 @@ impl Guess {
         }
     }
 
-    /// The same without segments of no duration, and where a control that is held on is one.
-    fn joined(&self) -> Self {
+    /// The same without segments of no duration, and where a control that is held on is one. Controls that last shorter together
+    /// than `seconds` become their mean.
+    fn joined(&self, seconds: f64) -> Self {
         let mut joined = Self {
             states: vec![self.states[0]],
             segments: Vec::with_capacity(self.segments.len()),
@@ -142,8 +163,19 @@ impl Guess {
         };
         for (segment, state) in self.segments.iter().zip(&self.states[1..]) {
             match joined.segments.last_mut() {
-                Some(last) if same(last, segment) || segment.seconds == 0.0 => {
-                    last.seconds += segment.seconds;
+                Some(last)
+                    if same(last, segment)
+                        || segment.seconds == 0.0
+                        || last.seconds + segment.seconds <= seconds =>
+                {
+                    let whole = last.seconds + segment.seconds;
+                    if whole > 0.0 && !same(last, segment) {
+                        let part = segment.seconds / whole;
+                        for (mean, own) in last.control.iter_mut().zip(&segment.control) {
+                            *mean += (own - *mean) * part;
+                        }
+                    }
+                    last.seconds = whole;
                     let end = joined.states.len() - 1;
                     joined.states[end] = *state;
                 }
@@ -160,7 +192,7 @@ impl Guess {
 impl Steps {
     /// Steps of a guess that last about so long.
     pub(super) fn new(guess: &Guess, robot: &Robot, seconds: f64) -> Self {
-        let guess = guess.joined();
+        let guess = guess.joined(seconds);
         let spans = guess.segments.iter().map(|segment| {
             let pieces = (segment.seconds / seconds).ceil().max(1.0);
             Span {

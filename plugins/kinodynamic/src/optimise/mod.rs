@@ -2,8 +2,8 @@
 //!
 //! A guess is states and controls, which need not fit together: states may jump, robots overlap a little, goals be missed. One
 //! robot after the other is improved among the motions of all others, again and again. The costs of a round so
-//! grow with the number of robots, where a problem of all robots together has them grow with its cube. What is returned was
-//! found to be without a fault ([`Team::fault`]).
+//! grow with the number of robots, where a problem of all robots together has them grow with its cube (db-CBS: A. Moldagalieva,
+//! J. Ortiz-Haro, M. Toussaint, W. Hönig, ICRA 2024). What is returned was found to be without a fault ([`Team::fault`]).
 //!
 //! - [`quadratic`]: programs along a chain of states; the problem of one robot is a sequence of them;
 //! - [`linear`]: derivatives of steps;
@@ -40,7 +40,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            rounds: 8,
+            rounds: 12,
             programs: 30,
             steps: 200,
             gain: 2e-3,
@@ -63,6 +63,10 @@ pub struct Figures {
 #[derive(Debug, Clone)]
 struct Lane {
     steps: Steps,
+    /// The guess.
+    begin: Steps,
+    /// Its controls. Steps may be fewer than these at first, and lead to about the same.
+    course: Course,
     /// Its motion as others see it.
     track: Track,
     /// Its controls lead to the goal, and nothing but perhaps other robots is in their way.
@@ -93,6 +97,12 @@ const PRICE: [f64; 2] = [1.5, 2.0];
 /// The price of a robot that does not reach its goal becomes so many times as high.
 const DEARER: f64 = 4.0;
 
+/// Rounds after which robots that still touch each other begin anew.
+const PATIENCE: u64 = 3;
+
+/// Half of the distance by which they are set aside at first, as a part of their radii; it is also what is added each time.
+const ASIDE: f64 = 0.5;
+
 /// Improves a guess for every robot. Returns courses without a fault, and figures; no courses if none were found. Where the
 /// guess is without a fault, they last no longer than it in sum.
 pub fn optimise(
@@ -107,9 +117,18 @@ pub fn optimise(
     }
     let begin: Vec<Course> = guess.iter().map(Guess::course).collect();
     let best = team.fault(&begin).is_none().then_some(begin);
-    let lanes = guess.iter().zip(&team.members).map(|(guess, member)| Lane {
-        is_sound: best.is_some(),
-        ..Lane::new(&guess.begun(member), member, options)
+    let lanes = guess.iter().zip(&team.members).map(|(guess, member)| {
+        let lane = Lane::new(&guess.begun(member), member, options);
+        if best.is_none() {
+            return lane;
+        }
+        let course = guess.course();
+        Lane {
+            track: course.track(&member.robot),
+            course,
+            is_sound: true,
+            ..lane
+        }
     });
     let mut rounds = Rounds {
         team,
@@ -124,6 +143,7 @@ pub fn optimise(
         lanes: lanes.collect(),
         best,
         price: PRICE[0],
+        asides: 0.0,
         figures: Figures::default(),
     };
     for _ in 0..options.rounds {
@@ -132,6 +152,22 @@ pub fn optimise(
         }
     }
     (rounds.best, rounds.figures)
+}
+
+/// Courses of a plan that end sooner in sum, and figures; no courses if none were found.
+pub fn shortened(
+    team: &Team<'_>,
+    courses: &[Course],
+    stop: &mut dyn FnMut() -> bool,
+) -> (Option<Vec<Course>>, Figures) {
+    let both = courses.iter().zip(&team.members);
+    let guess: Vec<Guess> = both
+        .map(|(course, member)| Guess::of(course, &member.robot))
+        .collect();
+    let (found, figures) = optimise(team, &guess, &Options::default(), stop);
+    let seconds = |courses: &[Course]| -> f64 { courses.iter().map(Course::seconds).sum() };
+    let less = found.filter(|found| seconds(found) < seconds(courses));
+    (less, figures)
 }
 
 struct Rounds<'a> {
@@ -143,6 +179,8 @@ struct Rounds<'a> {
     /// The best courses without a fault.
     best: Option<Vec<Course>>,
     price: f64,
+    /// Times that robots were set aside.
+    asides: f64,
     figures: Figures,
 }
 
@@ -152,26 +190,28 @@ impl Rounds<'_> {
         self.figures.rounds += 1;
         let before = self.seconds();
         let was_sound = self.best.is_some();
+        let mut is_stopped = false;
         for agent in 0..self.lanes.len() {
-            if stop() {
-                return false;
-            }
-            if !self.lanes[agent].is_settled {
+            is_stopped = is_stopped || stop();
+            if !is_stopped && !self.lanes[agent].is_settled {
                 self.improve(agent, stop);
             }
         }
         if self.lanes.iter().all(|lane| lane.is_sound) {
-            let courses: Vec<Course> = self
-                .lanes
-                .iter()
-                .map(|lane| lane.steps.guess.course())
-                .collect();
+            let courses: Vec<Course> = self.lanes.iter().map(|lane| lane.course.clone()).collect();
             if self.team.fault(&courses).is_none() {
                 self.best = Some(courses);
-                return !was_sound || self.seconds() < before * (1.0 - self.options.gain);
+                let gained = before - self.seconds();
+                return !is_stopped && (!was_sound || gained > before * self.options.gain);
             }
         }
+        if is_stopped {
+            return false;
+        }
         self.price *= PRICE[1];
+        if self.figures.rounds.is_multiple_of(PATIENCE) {
+            self.set_aside();
+        }
         for agent in 0..self.lanes.len() {
             let lane = &self.lanes[agent];
             if !lane.is_sound || !self.touched(agent, &lane.track).is_empty() {
@@ -181,11 +221,23 @@ impl Rounds<'_> {
         true
     }
 
+    /// Begins anew with all robots to the right of where they were, farther each time: who met head-on gets past.
+    fn set_aside(&mut self) {
+        self.price = PRICE[0];
+        self.asides += 1.0;
+        for (lane, member) in self.lanes.iter_mut().zip(&self.team.members) {
+            lane.steps = lane.begin.clone();
+            let metres = ASIDE * (1.0 + self.asides) * member.body.radius;
+            lane.steps.guess = lane.begin.guess.aside(metres);
+            lane.course = lane.steps.guess.course();
+            lane.track = lane.steps.guess.track();
+            lane.is_sound = false;
+            lane.margin = MARGIN[0];
+        }
+    }
+
     fn seconds(&self) -> f64 {
-        self.lanes
-            .iter()
-            .map(|lane| lane.steps.guess.seconds())
-            .sum()
+        self.lanes.iter().map(|lane| lane.course.seconds()).sum()
     }
 
     /// Improves a robot among the motions of all others. While there is no plan without a fault the better of two broken
@@ -251,9 +303,10 @@ impl Rounds<'_> {
             Some(track) => (true, track),
             None => (false, steps.guess.track()),
         };
-        let gained = lane.steps.guess.seconds() - steps.guess.seconds();
+        let course = steps.guess.course();
+        let gained = lane.course.seconds() - course.seconds();
         let is_taken = self.best.is_none() || (is_sound && gained > 0.0);
-        let is_settled = gained.abs() < self.options.gain * steps.guess.seconds();
+        let is_settled = gained.abs() < self.options.gain * course.seconds();
         if is_taken && !(is_sound && is_settled) {
             self.wake(agent, &track);
         }
@@ -262,6 +315,7 @@ impl Rounds<'_> {
         if is_taken {
             *lane = Lane {
                 steps,
+                course,
                 track,
                 is_sound,
                 margin,
@@ -321,12 +375,14 @@ impl Lane {
             .max(1e-6);
         let steps = Steps::new(guess, &member.robot, step);
         Self {
+            course: steps.guess.course(),
             track: steps.guess.track(),
             is_sound: false,
             is_settled: guess.segments.is_empty(),
             margin: MARGIN[0],
             body_at_walls: Shape::new(&member.space.body),
             body: Shape::new(&member.body),
+            begin: steps.clone(),
             steps,
         }
     }

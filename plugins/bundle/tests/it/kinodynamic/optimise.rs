@@ -435,6 +435,30 @@ fn robots_that_are_there_stay_and_others_find_their_way_from_nothing() {
     });
 }
 
+/// Two that meet head-on, and four that meet in the middle.
+#[test]
+fn robots_that_stand_in_each_others_way_get_past() {
+    let places = [[1.0, 3.0], [5.0, 3.0], [3.0, 1.0], [3.0, 5.0]];
+    for count in [2, 4] {
+        for number in 0..MODELS {
+            let mut problem = Problem::new(6.0, &[]).within(0.01);
+            for agent in 0..count {
+                let robot = model(number, agent % 2 == 0);
+                problem = problem.with(robot, &places[agent], &places[agent ^ 1]);
+            }
+            with_team(&problem, |team| {
+                let guess: Vec<Guess> = team
+                    .members
+                    .iter()
+                    .map(|member| Guess::of(&straight(member), &member.robot))
+                    .collect();
+                let (found, _) = improved(team, &guess);
+                assert!(found.is_some(), "{count} {number}");
+            });
+        }
+    }
+}
+
 /// Rectangles that set out all at once, straight to their goals, through obstacles and each other.
 #[test]
 fn unicycles_of_the_data_find_plans_from_straight_motions() {
@@ -446,6 +470,7 @@ fn unicycles_of_the_data_find_plans_from_straight_motions() {
         ("random-2-1", 11.0),
         ("random-4-2", 31.0),
         ("swap-2-1", 15.5),
+        ("swap-8-1", 79.0),
     ] {
         let file = folder.join(format!("unicycle-{name}.tasks.json"));
         if !file.exists() {
