@@ -24,6 +24,7 @@ pub fn execute<'p>(
         sum_of_costs_s: outcome.sum_of_costs_s,
         wall_ms: milliseconds(wall),
         tracking_error_max_m: outcome.tracking_error_max_m,
+        tracking_error_max_rad: outcome.tracking_error_max_rad,
         tracking_error_mean_m: outcome.tracking_error_mean_m,
         host_peak_memory_kb: peak_memory_kb(),
     })

@@ -336,6 +336,8 @@ pub struct ExecutionInfo {
     pub wall_ms: f64,
     /// Largest distance from the plan.
     pub tracking_error_max_m: f64,
+    /// Largest difference of headings from the plan's, where it gives them.
+    pub tracking_error_max_rad: Option<f64>,
     /// Mean distance from the plan.
     pub tracking_error_mean_m: f64,
     /// Largest resident set of the host so far, the simulator's included.

@@ -335,7 +335,7 @@ pub(crate) struct DisturbanceArgs {
 }
 
 /// A disturbance from its text; an error says how to write it.
-fn disturbance<T: FromStr<Err = SimError>>(text: &str) -> Read<T> {
+pub(crate) fn disturbance<T: FromStr<Err = SimError>>(text: &str) -> Read<T> {
     text.parse().map_err(|error: SimError| match error.hint() {
         Some(hint) => format!("{error}; {hint}"),
         None => error.to_string(),
@@ -350,6 +350,7 @@ impl DisturbanceArgs {
             delay: self.delay,
             velocity: self.velocity_noise.unwrap_or_default(),
             messages: self.messages.unwrap_or_default(),
+            ..Disturbance::default()
         }
     }
 }

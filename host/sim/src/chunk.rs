@@ -10,27 +10,37 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::control::Pilot;
 use crate::event::Change;
+use crate::noise::Slip;
 use crate::track::{Span, Tracks, fraction, interpolate};
 
 /// Bodies per chunk.
 pub(crate) const CHUNK: usize = 64;
+
+/// Tracking error of a body: the distance and the angle from where it should be.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Off {
+    pub(crate) m: f64,
+    pub(crate) rad: f64,
+}
 
 /// Tracking errors of bodies.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tracking {
     pub(crate) max_m: f64,
     pub(crate) max_agent: Option<u32>,
+    pub(crate) max_rad: f64,
     /// Sum over agents of metres times substeps.
     pub(crate) sum: f64,
 }
 
 impl Tracking {
-    pub(crate) fn note(&mut self, agent: u32, error: f64, substeps: f64) {
-        if error > self.max_m {
-            self.max_m = error;
+    pub(crate) fn note(&mut self, agent: u32, off: Off, substeps: f64) {
+        if off.m > self.max_m {
+            self.max_m = off.m;
             self.max_agent = Some(agent);
         }
-        self.sum += error * substeps;
+        self.max_rad = self.max_rad.max(off.rad);
+        self.sum += off.m * substeps;
     }
 
     /// Merges the tracking errors of agents with higher indices.
@@ -39,6 +49,7 @@ impl Tracking {
             self.max_m = later.max_m;
             self.max_agent = later.max_agent;
         }
+        self.max_rad = self.max_rad.max(later.max_rad);
         self.sum += later.sum;
     }
 }
@@ -55,8 +66,10 @@ pub(crate) struct Chunk {
     pub(crate) pilots: Vec<Pilot>,
     /// Speed factor of each driven body in the block.
     pub(crate) factors: Vec<f64>,
-    /// Tracking error of each driven body; NaN if it is not needed.
-    pub(crate) errors: Vec<f64>,
+    /// Errors of velocity of each driven body in the block; empty if there are none.
+    pub(crate) slips: Vec<Slip>,
+    /// Tracking error of each driven body; NaN metres if it is not needed.
+    pub(crate) errors: Vec<Off>,
     /// Set if no body moved in the last block and none moves before a new release.
     pub(crate) is_still: bool,
     pub(crate) tracks: Tracks,
@@ -81,7 +94,8 @@ impl Chunk {
             heading: Vec::with_capacity(CHUNK),
             pilots: Vec::new(),
             factors: Vec::new(),
-            errors: vec![f64::NAN; CHUNK],
+            slips: Vec::new(),
+            errors: vec![Off { m: f64::NAN, rad: 0.0 }; CHUNK],
             is_still: false,
             tracks: Tracks::new(with_heading),
             travel: vec![0.0; CHUNK],
@@ -103,7 +117,6 @@ impl Chunk {
             &self.y,
             &self.heading,
             &self.factors,
-            &self.errors,
             &self.travel,
             &self.samples,
         ];
@@ -113,6 +126,8 @@ impl Chunk {
             + self.pilots.capacity() * size_of::<Pilot>()
             + self.changes.capacity() * size_of::<Change>()
             + self.tracks.memory_bytes()
+            + self.errors.capacity() * size_of::<Off>()
+            + self.slips.capacity() * size_of::<Slip>()
             + values * size_of::<f64>()
     }
 
@@ -161,10 +176,10 @@ impl Chunk {
         for ends in self.tracks.t.as_chunks_mut::<2>().0 {
             *ends = [block.start, block.end];
         }
-        for (lane, error) in self.errors.iter().enumerate() {
-            if !error.is_nan() {
+        for (lane, off) in self.errors.iter().enumerate() {
+            if !off.m.is_nan() {
                 let agent = self.first + lane as u32;
-                self.tracking.note(agent, *error, block.length());
+                self.tracking.note(agent, *off, block.length());
             }
         }
         let Some(first) = moments.first() else {

@@ -93,6 +93,10 @@ pub struct SimConfig {
     /// Distance in metres between the ways of agents, beyond what their controllers need,
     /// under [`Policy::Adg`].
     pub margin_m: f64,
+    /// Round the corners of the plan by Bézier curves on which no point of a robot is farther than
+    /// this, in metres, from where the plan has it at that time; see
+    /// [`motion::smooth`](crate::motion::smooth). Plans need twice as much room between robots.
+    pub smooth_m: f64,
     /// Execute under [`Policy::Adg`] also where a plan leaves agents less room than their
     /// controllers need: they keep the plan's order and its distance, and may touch by as much as
     /// they are off their ways.
@@ -131,6 +135,7 @@ impl Default for SimConfig {
             policy: Policy::Time,
             message_period_s: 0.1,
             margin_m: 0.0,
+            smooth_m: 0.0,
             tight: false,
             disturbance: Disturbance::default(),
             until_done: false,
@@ -201,6 +206,7 @@ impl SimConfig {
             policy,
             message_period_s,
             margin_m,
+            smooth_m,
             tight,
             disturbance,
             until_done,
@@ -237,6 +243,10 @@ impl SimConfig {
         // Executions that never had the choice keep their digests.
         if *tight {
             hasher.bytes(b"tight");
+        }
+        if *smooth_m > 0.0 {
+            hasher.bytes(b"smooth");
+            hasher.f64(*smooth_m);
         }
         hasher.finish()
     }
@@ -311,6 +321,13 @@ impl SimConfig {
         range(
             "margin_m",
             self.margin_m,
+            0.0,
+            1e6,
+            "give metres, 0 or more",
+        )?;
+        range(
+            "smooth_m",
+            self.smooth_m,
             0.0,
             1e6,
             "give metres, 0 or more",

@@ -2,17 +2,19 @@
 //!
 //! A policy bounds each agent's progress: `released` is the last knot of its route that
 //! it may head for. Released actions that lie on one straight line are driven as one leg
-//! with one stop at its end. Within a block of ticks no agent influences another, so that
+//! with one stop at its end; where a way bends a little, bodies that move in any direction
+//! go on without one. Within a block of ticks no agent influences another, so that
 //! all of them can be driven at once.
 
 use std::f64::consts::FRAC_PI_2;
 
 use fleetyard_world::Pose;
 
-use crate::chunk::Chunk;
+use crate::ahead::Cone;
+use crate::chunk::{Chunk, Off};
 use crate::gate::Routes;
 use crate::motion::{Model, State, Target, stopping_speed, wrap};
-use crate::noise::Noise;
+use crate::noise::{Noise, Slip};
 use crate::route::Place;
 use crate::track::{Span, Tracks, fraction, interpolate};
 
@@ -131,6 +133,17 @@ pub(crate) const UNLIMITED: f64 = 15.0;
 /// solved: less than their drives have, whose work within a tick is not instant.
 const BRAKING: f64 = 0.5 * UNLIMITED;
 
+/// Share of the arrival tolerances within which a body that does not stop at bends passes its knots:
+/// it brakes across its way too, and was off it before.
+const BEND: f64 = 0.5;
+
+/// A way that bends by more than 45° is driven with a stop: this is the cosine.
+const SHARPEST: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Distance that a body looks ahead on its way: so many stopping distances (a body that turns brakes
+/// at half its acceleration), so many seconds at its speed, and so many metres.
+const AHEAD: [f64; 3] = [2.0, 0.5, 0.1];
+
 /// Places nearer than this to each other, in metres, are equal.
 const SAME_M: f64 = 1e-9;
 
@@ -166,6 +179,33 @@ fn goes_on(from: Place, by: Place, to: Place) -> bool {
     across.iter().all(|cross| cross * cross <= 1e-18 * aa * bb)
         && ax * bx + ay * by >= 0.0
         && (ax != 0.0 || ay != 0.0)
+}
+
+/// The direction half-way between those of two ways that meet, if the bend between them needs no stop:
+/// whoever has crossed the line across it is on the second way.
+fn bisector(from: Place, by: Place, to: Place) -> Option<[f64; 2]> {
+    let unit = |from: Place, to: Place| {
+        let (x, y) = (to.x - from.x, to.y - from.y);
+        let length = (x * x + y * y).sqrt();
+        (length > SAME_M).then(|| [x / length, y / length])
+    };
+    let ([ax, ay], [bx, by]) = (unit(from, by)?, unit(by, to)?);
+    (ax * bx + ay * by >= SHARPEST).then_some([ax + bx, ay + by])
+}
+
+/// The farthest place on a way, of which the end is too far, that a cone admits.
+fn farthest(cone: &Cone, from: Place, to: Place) -> Option<Place> {
+    const HALVINGS: usize = 8;
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if cone.admits(between(from, to, middle)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (low > 0.0).then(|| between(from, to, low))
 }
 
 impl Driver<'_> {
@@ -253,6 +293,7 @@ impl Driver<'_> {
             } else {
                 self.leg(agent, pilot, released, now)
             };
+            let ahead = target.and_then(|_| self.ahead(model, agent, pilot, released));
             let rest = target.is_none();
             if rest && pilot.state.vx == 0.0 && pilot.state.vy == 0.0 && pilot.state.omega == 0.0 {
                 let State { x, y, heading, .. } = pilot.state;
@@ -261,13 +302,31 @@ impl Driver<'_> {
                 break;
             }
             // A body without a leg stays where its last one ended.
-            let target = target
+            let target = ahead
+                .or(target)
                 .unwrap_or_else(|| self.place(agent, pilot.done))
                 .target();
             // A body that finishes its leg within the block starts its next leg at once.
             let last = pilot.leg == self.last(agent);
             let mut arrived: Option<(usize, State)> = None;
             let mut count = 0;
+            if ahead.is_some() || self.noise.has_slips() {
+                // What comes next depends on where the body is after each tick.
+                let state = &mut pilot.state;
+                model.run(state, &target, 1, self.tick_s, factor, &mut |_| {});
+                self.slip(chunk.slips[lane], state);
+                tracks.push(left[0], state.x, state.y, state.heading);
+                let end = left[0];
+                left = &left[1..];
+                if ahead.is_some() {
+                    self.pass_bends(agent, pilot, released, end);
+                } else if !rest && !chase && is_there(model, last, &pilot.state, &target) {
+                    self.reach(agent, pilot, end);
+                } else if !rest && !chase {
+                    self.pass(agent, pilot, &target);
+                }
+                continue;
+            }
             model.run(
                 &mut pilot.state,
                 &target,
@@ -304,15 +363,13 @@ impl Driver<'_> {
         let known = chunk.errors[lane];
         let by_order = matches!(self.releases, Releases::Order(_));
         // A standing body keeps its distance from the end of its leg.
-        let error = if stood && by_order && before == (pilot.done, pilot.leg) && !known.is_nan() {
+        let off = if stood && by_order && before == (pilot.done, pilot.leg) && !known.m.is_nan() {
             known
         } else {
-            self.error_m(agent, pilot)
+            self.off(agent, pilot)
         };
-        chunk.errors[lane] = error;
-        chunk
-            .tracking
-            .note(agent as u32, error, self.block.length());
+        chunk.errors[lane] = off;
+        chunk.tracking.note(agent as u32, off, self.block.length());
     }
 
     /// Moves an exact body along a plan of poses in time, through all its knots, as long as it
@@ -379,7 +436,10 @@ impl Driver<'_> {
             pilot.leg = pilot.due;
             Some(self.planned(agent, pilot, end))
         } else {
-            self.leg(agent, pilot, released, now)
+            let end = self.leg(agent, pilot, released, now);
+            let through = model.filter(|_| end.is_some());
+            let ahead = through.and_then(|model| self.ahead(model, agent, pilot, released));
+            ahead.or(end)
         };
         let target = target
             .unwrap_or_else(|| self.place(agent, pilot.done))
@@ -456,6 +516,9 @@ impl Driver<'_> {
         if pilot.leg > pilot.done {
             if arrived {
                 self.reach(agent, pilot, now);
+            } else if model.is_some_and(Model::goes_through_bends) {
+                let released = self.released(agent, pilot);
+                self.pass_bends(agent, pilot, released, now);
             } else {
                 self.pass(agent, pilot, &target);
             }
@@ -464,34 +527,51 @@ impl Driver<'_> {
         }
     }
 
-    /// Tracking error of a body at the end of the block: its distance from the planned
-    /// place or, under an order of passing, from its leg.
-    pub(crate) fn error_m(&self, agent: usize, pilot: &mut Pilot) -> f64 {
-        let (x, y) = (pilot.state.x, pilot.state.y);
-        let place = match self.releases {
+    /// Tracking error of a body at the end of the block: its distance and angle from the planned
+    /// pose or, under an order of passing, from its leg.
+    pub(crate) fn off(&self, agent: usize, pilot: &mut Pilot) -> Off {
+        let State { x, y, heading, .. } = pilot.state;
+        let (place, turned) = match self.releases {
             Releases::Time => {
                 self.look_at_the_clock(agent, pilot, self.block.end);
-                self.planned(agent, pilot, self.block.end)
+                let place = self.planned(agent, pilot, self.block.end);
+                (place, place.heading.map(|planned| planned - heading))
             }
             Releases::Order(_) => {
-                let end = self.place(agent, pilot.leg.max(pilot.done));
-                let (wx, wy) = (end.x - pilot.from.x, end.y - pilot.from.y);
+                let (from, end) = (pilot.from, self.place(agent, pilot.leg.max(pilot.done)));
+                let (wx, wy) = (end.x - from.x, end.y - from.y);
                 let length = wx * wx + wy * wy;
-                let along = (x - pilot.from.x) * wx + (y - pilot.from.y) * wy;
+                let along = (x - from.x) * wx + (y - from.y) * wy;
                 let share = if length > 0.0 {
                     (along / length).clamp(0.0, 1.0)
                 } else {
                     1.0
                 };
-                Place {
-                    x: pilot.from.x + wx * share,
-                    y: pilot.from.y + wy * share,
-                    heading: None,
-                }
+                let place = between(from, end, share);
+                let turned = match (from.heading, end.heading) {
+                    // Any heading between is right while it turns in place.
+                    (Some(from), Some(end)) if length <= SAME_M * SAME_M => {
+                        let between = heading.max(from.min(end)).min(from.max(end));
+                        Some(between - heading)
+                    }
+                    _ => place.heading.map(|planned| planned - heading),
+                };
+                (place, turned)
             }
         };
         let (dx, dy) = (place.x - x, place.y - y);
-        (dx * dx + dy * dy).sqrt()
+        Off {
+            m: (dx * dx + dy * dy).sqrt(),
+            rad: turned.map_or(0.0, |turned| wrap(turned).abs()),
+        }
+    }
+
+    /// Moves a body by the error of its velocity in a tick.
+    fn slip(&self, slip: Slip, state: &mut State) {
+        let [x, y, turn] = slip.of(state.vx, state.vy, state.omega);
+        state.x += x * self.tick_s;
+        state.y += y * self.tick_s;
+        state.heading += turn * self.tick_s;
     }
 
     /// End of the current leg, if the agent may proceed.
@@ -531,6 +611,102 @@ impl Driver<'_> {
         Some(end)
     }
 
+    /// The next knot after one, in another place, to which the agent may drive on without a stop.
+    fn next_place(&self, agent: usize, knot: u32, released: u32) -> Option<u32> {
+        let here = self.place(agent, knot);
+        let mut next = knot;
+        loop {
+            let stays = self.routes.stay_s(agent, next as usize) > 0.0;
+            if next >= released || stays || self.delay(agent, next + 1) > 0.0 {
+                return None;
+            }
+            next += 1;
+            let there = self.place(agent, next);
+            let (dx, dy) = (there.x - here.x, there.y - here.y);
+            if dx * dx + dy * dy > SAME_M * SAME_M {
+                return Some(next);
+            }
+            // It turns in place.
+            if !same(here, there) {
+                return None;
+            }
+        }
+    }
+
+    /// The farthest released place beyond the end of the leg for which a body may head without
+    /// leaving its way by more than its tolerance, if it need not stop at that end.
+    fn ahead(&self, model: &Model, agent: usize, pilot: &Pilot, released: u32) -> Option<Place> {
+        if matches!(self.releases, Releases::Time) || !model.goes_through_bends() {
+            return None;
+        }
+        let state = &pilot.state;
+        let [stops, seconds, metres] = AHEAD;
+        let reach =
+            stops * model.stop_distance_m(state) + seconds * state.speed_m_per_s() + metres;
+        let near = [model.arrival_tolerance_m(), model.heading_tolerance_rad()];
+        let [near_m, near_rad] = near.map(|near| BEND * near);
+        let mut cone = Cone::new(state, near_m, near_rad);
+        let (mut from, mut knot) = (pilot.from, pilot.leg);
+        let mut end = self.place(agent, knot);
+        let mut ahead = None;
+        loop {
+            if cone.pass(end) > reach {
+                break;
+            }
+            let Some(next) = self.next_place(agent, knot, released) else {
+                break;
+            };
+            let to = self.place(agent, next);
+            if bisector(from, end, to).is_none() {
+                break;
+            }
+            if !cone.admits(to) {
+                ahead = farthest(&cone, end, to).or(ahead);
+                break;
+            }
+            ahead = Some(to);
+            (from, end, knot) = (end, to, next);
+        }
+        if ahead.is_none() && self.noise.has_slips() {
+            return self.near_line(pilot, self.place(agent, pilot.leg), reach);
+        }
+        ahead
+    }
+
+    /// A place on the leg as far ahead of a body as given, if the end of the leg is farther: whoever
+    /// slips off a line has to return to it.
+    fn near_line(&self, pilot: &Pilot, end: Place, reach: f64) -> Option<Place> {
+        let (from, state) = (pilot.from, &pilot.state);
+        let (wx, wy) = (end.x - from.x, end.y - from.y);
+        let length = (wx * wx + wy * wy).sqrt();
+        if length <= SAME_M {
+            return None;
+        }
+        let along = ((state.x - from.x) * wx + (state.y - from.y) * wy) / length;
+        let share = (along.max(0.0) + reach) / length;
+        (share < 1.0).then(|| between(from, end, share))
+    }
+
+    /// Counts the knots that a body has passed, those at the bends of its way included.
+    fn pass_bends(&self, agent: usize, pilot: &mut Pilot, released: u32, now: f64) {
+        loop {
+            let end = self.place(agent, pilot.leg);
+            self.pass(agent, pilot, &end.target());
+            let next = self.next_place(agent, pilot.leg, released);
+            let after = next.map(|next| self.place(agent, next));
+            let across = after.and_then(|after| bisector(pilot.from, end, after));
+            let (x, y) = (pilot.state.x - end.x, pilot.state.y - end.y);
+            let is_past = across.is_some_and(|[ax, ay]| x * ax + y * ay >= 0.0);
+            if pilot.done + 1 < pilot.leg || !is_past {
+                return;
+            }
+            self.reach(agent, pilot, now);
+            if self.leg(agent, pilot, released, now).is_none() {
+                return;
+            }
+        }
+    }
+
     /// Delay of the agent before an action, in substeps.
     fn delay(&self, agent: usize, action: u32) -> f64 {
         if self.noise.delays_starts() {
@@ -547,6 +723,10 @@ impl Driver<'_> {
         chunk.factors.resize(count, 1.0);
         self.noise
             .speed_factors(self.number, first, &mut chunk.factors);
+        if self.noise.has_slips() {
+            chunk.slips.resize(count, Slip::default());
+            self.noise.slips(self.number, first, &mut chunk.slips);
+        }
         self.draw_stops(chunk);
         if self.noise.has_stops() {
             for (pilot, factor) in chunk.pilots.iter().zip(&mut chunk.factors) {

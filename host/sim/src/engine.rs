@@ -494,6 +494,7 @@ impl<'a> Engine<'a> {
             nearest_approach: overall,
             nearest_approach_by_agent: by_agent,
             tracking_error_max_m: tracking.max_m,
+            tracking_error_max_rad: self.setup.headings.then_some(tracking.max_rad),
             tracking_error_max_agent: tracking.max_agent,
             tracking_error_mean_m: mean,
             trace_digest: summary.trace_digest,

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use fleetyard_core::TrajectoryError;
+
 use crate::contact::ContactError;
 use crate::event::Other;
 use crate::gate::GateError;
@@ -48,6 +50,15 @@ pub enum SimError {
         most: f64,
         model: &'static str,
     },
+    #[error(
+        "the corners of the plan cannot be rounded: the model of agent {agent}, {model}, turns in \
+         place at every knot of a curve that it drives by order"
+    )]
+    Corners { agent: usize, model: &'static str },
+    #[error("agent {agent} cannot have errors of velocity: its model {model} follows its reference exactly")]
+    NoSlip { agent: usize, model: &'static str },
+    #[error("the corners of the plan cannot be rounded: {0}")]
+    Smooth(#[from] TrajectoryError),
     #[error("there is no agent {agent}: there are {agents}")]
     NoSuchAgent { agent: usize, agents: usize },
     #[error("order {number} of agent {agent} {reason}")]
@@ -99,6 +110,13 @@ impl SimError {
             Self::TooFast { .. } => {
                 Some("slow the plan down, or execute it by order, in which its times do not count")
             }
+            Self::Corners { .. } => Some(
+                "leave the plan as it is, execute it by time, or give robots that move in any direction",
+            ),
+            Self::NoSlip { .. } => {
+                Some("give robots with a controller, such as holonomic or agv, or leave out the errors")
+            }
+            Self::Smooth(error) => error.hint(),
             Self::TooLarge { .. } => {
                 Some("execute fewer agents, or use a machine with more memory")
             }

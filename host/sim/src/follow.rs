@@ -8,7 +8,7 @@
 
 use fleetyard_world::Mover;
 
-use crate::chunk::Chunk;
+use crate::chunk::{Chunk, Off};
 use crate::config::SimConfig;
 use crate::event::{Change, EventKind, Other};
 use crate::route::{Place, Reference};
@@ -62,8 +62,11 @@ impl Follower<'_> {
                         x += dx * part;
                         y += dy * part;
                         let (dx, dy) = (target.x - x, target.y - y);
-                        let error = (dx * dx + dy * dy).sqrt();
-                        chunk.tracking.note(agent as u32, error, until - now);
+                        let off = Off {
+                            m: (dx * dx + dy * dy).sqrt(),
+                            rad: 0.0,
+                        };
+                        chunk.tracking.note(agent as u32, off, until - now);
                     } else {
                         (x, y) = (target.x, target.y);
                     }

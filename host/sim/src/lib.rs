@@ -59,6 +59,7 @@
 
 #![forbid(unsafe_code)]
 
+mod ahead;
 mod chunk;
 mod clock;
 mod config;

@@ -1,4 +1,4 @@
-//! Disturbances: delays, uneven speed, late and lost messages.
+//! Disturbances: delays, uneven speed, errors of velocity, late and lost messages.
 //!
 //! Every random value is a function of the seed, a purpose, and its subject (an agent and
 //! its action, or an agent and a block of time): the value of that index in the ChaCha8
@@ -23,6 +23,10 @@ pub struct Disturbance {
     pub delay: Delay,
     /// Unevenness of speed.
     pub velocity: VelocityNoise,
+    /// Errors of the velocity beside the one that controllers ask for.
+    // Executions that never had them keep their digests.
+    #[serde(skip_serializing_if = "TwistNoise::is_none")]
+    pub twist: TwistNoise,
     /// Latency and loss of messages between robots and server.
     pub messages: Messages,
 }
@@ -90,6 +94,21 @@ impl Default for VelocityNoise {
     }
 }
 
+/// Errors with which bodies track the velocities that their controllers ask for: legs slip, and
+/// wheels do. In every block the error of the velocity over ground is `std`·|v|·z along each axis, and
+/// that of the turn rate (`std`·|ω| + `turn_rad_per_m`·|v|)·z, z normal variates cut at three standard
+/// deviations. A body that stands does not slip.
+///
+/// In text: `STD,TURN`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TwistNoise {
+    /// Standard deviation as a share of the speed and of the turn rate.
+    pub std: f64,
+    /// Standard deviation of the turn per metre, in radians.
+    pub turn_rad_per_m: f64,
+}
+
 /// Latency and loss of messages, in both directions: the latency is uniform between two
 /// times.
 ///
@@ -111,18 +130,19 @@ const MOST_S: f64 = 1e6;
 impl Disturbance {
     /// True if agents can be late or slow.
     pub fn moves_agents(&self) -> bool {
-        !matches!(self.delay, Delay::None) || !self.velocity.is_none()
+        !matches!(self.delay, Delay::None) || !self.velocity.is_none() || !self.twist.is_none()
     }
 
     /// True if nothing is disturbed.
     pub fn is_none(&self) -> bool {
-        self.delay == Delay::None && self.velocity.is_none() && self.messages.is_none()
+        !self.moves_agents() && self.messages.is_none()
     }
 
     /// Checks that all parameters are in their ranges.
     pub fn validate(&self) -> Result<(), SimError> {
         self.delay.validate()?;
         self.velocity.validate()?;
+        self.twist.validate()?;
         self.messages.validate()
     }
 }
@@ -196,6 +216,21 @@ impl VelocityNoise {
     }
 }
 
+impl TwistNoise {
+    /// True if bodies move as their controllers ask.
+    pub fn is_none(&self) -> bool {
+        self.std == 0.0 && self.turn_rad_per_m == 0.0
+    }
+
+    /// Checks that all parameters are in their ranges.
+    pub fn validate(&self) -> Result<(), SimError> {
+        let hint = "give a share of the speed from 0 to 0.3: with more a body may go nowhere";
+        range("twist.std", self.std, 0.0, 0.3, hint)?;
+        let hint = "give radians per metre from 0 to 1";
+        range("twist.turn_rad_per_m", self.turn_rad_per_m, 0.0, 1.0, hint)
+    }
+}
+
 impl Messages {
     /// True if messages take no time and arrive.
     pub fn is_none(&self) -> bool {
@@ -218,11 +253,31 @@ impl Messages {
 pub struct Noise {
     delay: Delay,
     velocity: VelocityNoise,
+    twist: TwistNoise,
     /// Probability that a stop begins in a block.
     stop: f64,
     delays: SeededRandom,
     stops: SeededRandom,
     speeds: SeededRandom,
+    twists: SeededRandom,
+}
+
+/// Errors of a body's velocity in a block: shares of its speed and turn rate, and a turn per metre.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Slip {
+    x: f64,
+    y: f64,
+    omega: f64,
+    turn_rad_per_m: f64,
+}
+
+impl Slip {
+    /// The errors of a velocity over ground, per axis, and of a turn rate.
+    pub fn of(&self, vx: f64, vy: f64, omega: f64) -> [f64; 3] {
+        let speed = (vx * vx + vy * vy).sqrt();
+        let turn = self.omega * omega.abs() + self.turn_rad_per_m * speed;
+        [self.x * speed, self.y * speed, turn]
+    }
 }
 
 impl Noise {
@@ -236,10 +291,12 @@ impl Noise {
         Self {
             delay: disturbance.delay,
             velocity: disturbance.velocity,
+            twist: disturbance.twist,
             stop,
             delays: stream("action delay"),
             stops: stream("stop"),
             speeds: stream("speed"),
+            twists: stream("twist"),
         }
     }
 
@@ -305,6 +362,33 @@ impl Noise {
         random.go_to(block, first as u64);
         for factor in factors {
             *factor = (1.0 - std * normal(random.unit()).abs()).max(floor);
+        }
+    }
+}
+
+impl Noise {
+    /// True if [`Noise::slips`] can differ from none.
+    pub fn has_slips(&self) -> bool {
+        !self.twist.is_none()
+    }
+
+    /// Writes the errors of velocity of the agents from `first` on in a block.
+    pub fn slips(&self, block: u64, first: usize, slips: &mut [Slip]) {
+        const MOST: f64 = 3.0;
+        let TwistNoise {
+            std,
+            turn_rad_per_m,
+        } = self.twist;
+        let mut random = self.twists.clone();
+        random.go_to(block, 3 * first as u64);
+        for slip in slips {
+            let [x, y, turn] = [(); 3].map(|()| normal(random.unit()).max(-MOST).min(MOST));
+            *slip = Slip {
+                x: std * x,
+                y: std * y,
+                omega: std * turn,
+                turn_rad_per_m: turn_rad_per_m * turn,
+            };
         }
     }
 }
@@ -556,6 +640,30 @@ impl FromStr for VelocityNoise {
 impl fmt::Display for VelocityNoise {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{},{}", self.std, self.floor)
+    }
+}
+
+impl FromStr for TwistNoise {
+    type Err = SimError;
+
+    fn from_str(text: &str) -> Result<Self, SimError> {
+        let reason = "is not two numbers";
+        let hint = "write DEVIATION,TURN: a share of the speed and radians per metre, for example 0.05,0.02";
+        let (std, turn_rad_per_m) = two(text)
+            .and_then(|(std, turn)| number(std).zip(number(turn)))
+            .ok_or_else(|| unreadable("twist", text, reason, hint))?;
+        let noise = Self {
+            std,
+            turn_rad_per_m,
+        };
+        noise.validate()?;
+        Ok(noise)
+    }
+}
+
+impl fmt::Display for TwistNoise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.std, self.turn_rad_per_m)
     }
 }
 

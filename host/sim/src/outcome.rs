@@ -56,6 +56,9 @@ pub struct Outcome {
     /// where the plan has the agent at that time; if agents go by order, it is
     /// the line to the end of the present leg.
     pub tracking_error_max_m: f64,
+    /// Largest angle in radians between a body's heading and that of the reference, at the same
+    /// moments; `None` if the plan gives no headings.
+    pub tracking_error_max_rad: Option<f64>,
     /// Agent with that error, the lowest index in ties; `None` if every body followed its
     /// reference exactly.
     pub tracking_error_max_agent: Option<u32>,

@@ -30,6 +30,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) obstacles: Obstacles,
     /// Set if states have headings.
     pub(crate) with_heading: bool,
+    /// Set if the plan has headings.
+    pub(crate) headings: bool,
     /// Set if all agents follow the plan exactly, by time.
     pub(crate) exact: bool,
     pub(crate) grid: Option<&'a Grid>,

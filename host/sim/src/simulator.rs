@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use fleetyard_core::{Digest, Grid, GridPlan, Roadmap};
+use fleetyard_core::{Digest, Grid, GridPlan, Roadmap, TrajectoryPlan};
 use fleetyard_world::{Demand, Pose, Shape, Workspace};
 
 use crate::chunk::{CHUNK, Chunk};
@@ -14,7 +14,7 @@ use crate::error::SimError;
 use crate::execution::Run;
 use crate::gate::{DependencyGraph, GateOptions, Gates, Routes};
 use crate::kinematic::Shapes;
-use crate::motion::{Fleet, Model};
+use crate::motion::{Fleet, Model, smooth};
 use crate::obstacles::Obstacles;
 use crate::outcome::Outcome;
 use crate::route::{Place, Plan, Reference};
@@ -104,6 +104,8 @@ impl<'a> Simulator<'a> {
     ) -> Result<Outcome, SimError> {
         let plan = plan.into();
         self.check(plan)?;
+        let smoothed = self.smoothed(plan)?;
+        let plan = smoothed.as_ref().map_or(plan, Plan::Trajectories);
         let workers = Workers::new(self.config.threads);
         workers.run(|| match plan {
             // An agent stays where its path ends: a path that ends in waits is the same
@@ -140,6 +142,38 @@ impl<'a> Simulator<'a> {
             }
         }
         Ok(())
+    }
+
+    /// The plan with round corners, if they are asked for: agents go by its times or its order, as
+    /// by those of any other plan.
+    fn smoothed(&self, plan: Plan<'_>) -> Result<Option<TrajectoryPlan>, SimError> {
+        let config = self.config;
+        if config.smooth_m <= 0.0 {
+            return Ok(None);
+        }
+        let by_order = config.policy == Policy::Adg;
+        let stops = |model: &Model| by_order && !is_pebble(model) && !model.keeps_headings();
+        let mut agents = (0..plan.agents()).map(|agent| (agent, self.model(agent)));
+        let stopper = agents.find_map(|(agent, model)| Some((agent, model.filter(|m| stops(m))?)));
+        if let Some((agent, model)) = stopper {
+            let model = model.name();
+            return Err(SimError::Corners { agent, model });
+        }
+        let radius_m = |agent: usize| {
+            let shape = self.fleet.map(|fleet| fleet.shape(agent));
+            let turns = shape.filter(|shape| !shape.is_disc());
+            turns.map_or(0.0, Shape::effective_radius_m)
+        };
+        let smoothed = match (plan, self.grid) {
+            (Plan::Trajectories(plan), _) => smooth(plan, config.smooth_m, &radius_m)?,
+            (Plan::Grid(_), None) => return Err(SimError::NoMap),
+            (Plan::Grid(plan), Some(grid)) => {
+                let (side_m, step_s) = (config.cell_size_m, config.step_s);
+                let placed = TrajectoryPlan::from_grid(plan, grid, side_m, step_s)?;
+                smooth(&placed, config.smooth_m, &radius_m)?
+            }
+        };
+        Ok(Some(smoothed))
     }
 
     /// Refuses parameters out of range, and invalid numbers of agents.
@@ -315,6 +349,22 @@ impl<'a> Simulator<'a> {
         }
     }
 
+    /// Refuses errors of velocity of bodies that have no velocity of their own.
+    fn check_slips(&self, agents: usize) -> Result<(), SimError> {
+        if self.config.disturbance.twist.is_none() {
+            return Ok(());
+        }
+        let exact = (0..agents).find_map(|agent| {
+            let model = self.model(agent);
+            let name = model.map_or("pebble", Model::name);
+            model.is_none_or(Model::is_exact).then_some((agent, name))
+        });
+        match exact {
+            Some((agent, model)) => Err(SimError::NoSlip { agent, model }),
+            None => Ok(()),
+        }
+    }
+
     /// The engine with all agents at the start.
     pub(crate) fn engine(
         &self,
@@ -322,6 +372,7 @@ impl<'a> Simulator<'a> {
         crowd: &Crowd<'_>,
     ) -> Result<Engine<'a>, SimError> {
         let (config, agents) = (self.config, crowd.agents);
+        self.check_slips(agents)?;
         let models = self.models();
         let shapes = self.shapes(agents)?;
         let ideal = models.iter().flatten().copied().all(is_pebble);
@@ -375,6 +426,7 @@ impl<'a> Simulator<'a> {
             models,
             obstacles: Obstacles::new(self.grid, config.cell_size_m, self.workspace),
             with_heading,
+            headings: crowd.headings,
             exact: crowd.exact,
             grid: self.grid,
             workspace: self.workspace,
@@ -386,7 +438,7 @@ impl<'a> Simulator<'a> {
 
     /// Refuses plan speeds above a model's limit, at which it falls behind for good.
     /// Acceleration limits show in the execution instead.
-    fn check_speeds(&self, plan: &fleetyard_core::TrajectoryPlan) -> Result<(), SimError> {
+    fn check_speeds(&self, plan: &TrajectoryPlan) -> Result<(), SimError> {
         for (agent, knots) in plan.paths().enumerate() {
             let Some(model) = self.model(agent) else {
                 return Ok(());

@@ -95,10 +95,12 @@ impl Solved {
                     let agent = chunk.first as usize + lane;
                     let (pilot, factor) = (&mut chunk.pilots[lane], chunk.factors[lane]);
                     let wish = driver.wish(model(agent as u32), agent, pilot, factor, [now, *end]);
+                    let slip = chunk.slips.get(lane).copied().unwrap_or_default();
+                    let [x, y, turn] = slip.of(wish.vx, wish.vy, wish.omega);
                     self.wishes[agent] = Twist {
-                        vx: wish.vx,
-                        vy: wish.vy,
-                        omega: wish.omega,
+                        vx: wish.vx + x,
+                        vy: wish.vy + y,
+                        omega: wish.omega + turn,
                     };
                     pilot.state.remember(&wish);
                 }
@@ -140,11 +142,10 @@ impl Solved {
                         .push(driver.block.end, start.x, start.y, start.heading);
                 }
                 let mut pilot = chunk.pilots[lane];
-                let error = driver.error_m(agent, &mut pilot);
+                let off = driver.off(agent, &mut pilot);
                 chunk.pilots[lane] = pilot;
-                chunk
-                    .tracking
-                    .note(agent as u32, error, driver.block.length());
+                let length = driver.block.length();
+                chunk.tracking.note(agent as u32, off, length);
             }
         }
         Ok(())

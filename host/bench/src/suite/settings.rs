@@ -4,7 +4,7 @@ use fleetyard_core::InputError;
 use fleetyard_core::document::{Fault, Value, between};
 use fleetyard_runtime::Level;
 use fleetyard_sim::motion::load_fleet;
-use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
+use fleetyard_sim::noise::{Delay, Disturbance, Messages, TwistNoise, VelocityNoise};
 use fleetyard_sim::{SimConfig, SimError};
 use serde::Deserialize;
 
@@ -64,6 +64,8 @@ struct ExecutionTable {
     delay: Delay,
     #[serde(deserialize_with = "as_argument::<_, VelocityNoise, _>")]
     velocity_noise: VelocityNoise,
+    #[serde(deserialize_with = "as_argument::<_, TwistNoise, _>")]
+    twist_noise: TwistNoise,
     #[serde(deserialize_with = "as_argument::<_, Messages, _>")]
     messages: Messages,
     seed: u64,
@@ -72,7 +74,7 @@ struct ExecutionTable {
 }
 
 /// The keys of `[execution]` that are.
-const OF_CONFIG: [&str; 11] = [
+const OF_CONFIG: [&str; 12] = [
     "cell_size_m",
     "step_s",
     "radius_m",
@@ -82,6 +84,7 @@ const OF_CONFIG: [&str; 11] = [
     "policy",
     "message_period_s",
     "margin_m",
+    "smooth_m",
     "until_done",
     "time_limit_s",
 ];
@@ -103,6 +106,7 @@ pub(super) fn execution(
         seed: said.seed,
         delay: said.delay,
         velocity: said.velocity_noise,
+        twist: said.twist_noise,
         messages: said.messages,
     };
     config.validate().map_err(|error| {

@@ -11,6 +11,7 @@ use fleetyard_bench::{ExecutionInfo, execute, number};
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
+use fleetyard_sim::noise::TwistNoise;
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
 use fleetyard_sim::{
     Event, Fleet, Plan, Policy, SimConfig, SimError, Simulator, TraceSink, TraceWriter,
@@ -22,7 +23,7 @@ use serde::Serialize;
 
 use super::task::{Report, TaskArgs};
 use crate::args::{
-    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, file_format, picture as picture_file,
+    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, disturbance, file_format, picture as picture_file,
     word,
 };
 use crate::exit::{Exit, Failure, Result};
@@ -123,12 +124,20 @@ struct ConductArgs {
     policy: Policy,
     #[command(flatten)]
     disturbance: DisturbanceArgs,
+    /// Errors of the velocities that robots are asked for: STD,TURN as a share of the speed and in
+    /// radians per metre [default: none]
+    #[arg(long, help_heading = EXECUTION, value_name = "STD,TURN", value_parser = disturbance::<TwistNoise>)]
+    twist_noise: Option<TwistNoise>,
     /// Seconds between two exchanges of messages
     #[arg(long, help_heading = EXECUTION, value_name = "SECONDS", default_value_t = SimConfig::default().message_period_s)]
     message_period: f64,
     /// Metres that robots keep from each other's ways beyond what their controllers need
     #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().margin_m)]
     margin: f64,
+    /// Round the plan's corners by Bézier curves, so that no point of a robot is farther than this from
+    /// where the plan has it at that time: plan with twice as much room between robots
+    #[arg(long, help_heading = EXECUTION, value_name = "METRES", default_value_t = SimConfig::default().smooth_m)]
+    smooth: f64,
     /// Keep the plan's order also where it leaves less room than controllers need: robots may touch
     #[arg(long, help_heading = EXECUTION)]
     tight: bool,
@@ -384,6 +393,7 @@ fn config(arguments: &Simulate) -> SimConfig {
         policy: conduct.policy,
         message_period_s: conduct.message_period,
         margin_m: conduct.margin,
+        smooth_m: conduct.smooth,
         tight: conduct.tight,
         until_done: conduct.until_done,
         time_limit_s: conduct.time_limit,
@@ -397,6 +407,7 @@ fn config(arguments: &Simulate) -> SimConfig {
         ..sim_config(&arguments.world)
     };
     config.disturbance = conduct.disturbance.with_seed(conduct.seed);
+    config.disturbance.twist = conduct.twist_noise.unwrap_or_default();
     config
 }
 
@@ -591,6 +602,10 @@ fn text(execution: &ExecutionInfo, report: Option<&Report>) -> String {
         "tracking error    {:.4} m at most",
         execution.tracking_error_max_m
     );
+    if let Some(angle) = execution.tracking_error_max_rad {
+        let degrees = angle.to_degrees();
+        let _ = writeln!(out, "heading error     {degrees:.2}° at most");
+    }
     let _ = write!(out, "trace digest      {}", figures.trace_digest);
     out
 }

@@ -38,7 +38,7 @@ pub(crate) use law::stopping_speed;
 pub use law::{Pid, wrap};
 pub use plane::{DoubleIntegrator, Holonomic, SingleIntegrator};
 pub use preset::{PRESETS, Preset};
-pub use smooth::{Waypoint, smooth};
+pub use smooth::smooth;
 pub use state::{State, Target};
 pub use waypoint::{WaypointLaw, WheelSpeeds};
 pub use wheeled::{DifferentialDrive, TurnAndDrive, Unicycle1, Unicycle2};
@@ -295,6 +295,11 @@ impl Model {
             self,
             Self::SingleIntegrator(_) | Self::DoubleIntegrator(_) | Self::Holonomic(_)
         )
+    }
+
+    /// True if a body need not stop where its way bends: it moves in any direction, under limits.
+    pub(crate) fn goes_through_bends(&self) -> bool {
+        self.keeps_headings() && !self.is_exact()
     }
 
     /// A body has arrived if it is within this angle of the requested heading.

@@ -1,102 +1,125 @@
-//! Rounding the corners of a path with Bézier curves.
+//! Rounding the corners of plans with Bézier curves.
 //!
-//! A corner is replaced by a quadratic curve with a given largest deviation δ. The curve
-//! begins and ends at the distance t from the corner on both legs, t = min(4·δ / |u − w|, half
-//! of either leg) with the directions u, w of the legs; its nearest point to the corner is
-//! t·|u − w| / 4 away from it. Headings follow the same curve.
+//! At a knot at time t a plan changes its velocity from v to w. The smoothed plan goes from its
+//! place at t − h to that at t + h along the quadratic curve with the knot as its middle control
+//! point, with time as the parameter. A share u of the way to t + h it is
+//!
+//! ```text
+//! u²·h·(w − v) for u ≤ ½,  (1 − u)²·h·(w − v) for u ≥ ½
+//! ```
+//!
+//! away from where the plan has it at that moment: h·|w − v| / 4 at most. Its velocity goes from v
+//! to w uniformly, so that it keeps every limit of speed that the plan keeps, and needs the
+//! acceleration |w − v| / 2h.
 
-use super::error::{MotionError, within};
+use fleetyard_core::{Knot, TrajectoryError, TrajectoryPlan};
 
-/// A point of a path: x and y in metres and the heading in radians, unwrapped.
-pub type Waypoint = [f64; 3];
+/// Straight pieces per curve. With an even number the point in the middle is one of the plan, and
+/// no piece is farther from the unsmoothed plan than its ends.
+const PIECES: u32 = 8;
 
-/// Replaces every corner of a path by a quadratic Bézier curve that stays within
-/// `max_deviation_m` of the path, as `pieces` straight pieces (Multi-Quadruped MAPF,
-/// section 3, refines its plans so). First and last waypoint stay.
+/// Corners whose curves would gain less than this share of the allowed deviation stay as they
+/// are: they are parts of curves already.
+const WORTH: f64 = 0.01;
+
+/// Replaces corners of a plan by quadratic Bézier curves (Multi-Quadruped MAPF, section 3, refines
+/// its plans so). No point of a robot is ever farther than `max_deviation_m` from where the plan has
+/// it at that time; 0 leaves the plan as it is. `radius_m` gives an agent's largest distance of a
+/// point of the footprint from its origin, which headings turn; 0 where they do not matter.
 ///
-/// A curve begins and ends on the legs of its corner, at the same distance from it and at
-/// most half a leg away, tangent to both. Its nearest point to the corner is a quarter of
-/// that distance times |u − w| away, with the directions u and w of the legs, and no other
-/// point is farther from the path. Headings follow the same curve, so they are
-/// interpolated along it. Corners that turn back on themselves, and corners at which the
-/// path stands still, stay as they are.
+/// A curve takes at most half of each action beside its corner. First and last knots stay, and so
+/// do the times of all that is not on a curve. Waits are actions: a robot sets out and stops gently,
+/// and stands for half of a wait or longer. Controls of the plan do not lead along curves: the
+/// smoothed plan has none.
 pub fn smooth(
-    path: &[Waypoint],
+    plan: &TrajectoryPlan,
     max_deviation_m: f64,
-    pieces: usize,
-) -> Result<Vec<Waypoint>, MotionError> {
-    within(
-        "max_deviation_m",
-        max_deviation_m,
-        0.0,
-        1e6,
-        "give metres, at least 0",
-    )?;
-    within(
-        "pieces",
-        pieces as f64,
-        2.0,
-        1e3,
-        "give 2 to 1000 pieces per corner",
-    )?;
-    // With an even number the nearest point to the corner is one of the path, and no
-    // piece lies farther from the legs than its ends.
-    let pieces = pieces + pieces % 2;
-    let mut smoothed = Vec::with_capacity(path.len());
-    smoothed.extend(path.first());
-    for corner in path.windows(3) {
-        let [before, at, after] = [corner[0], corner[1], corner[2]];
-        match round(before, at, after, max_deviation_m) {
-            None => smoothed.push(at),
-            Some((from, to)) => smoothed.extend((0..=pieces).map(|piece| {
-                let t = piece as f64 / pieces as f64;
-                [0, 1, 2].map(|side| {
-                    let s = 1.0 - t;
-                    s * s * from[side] + 2.0 * s * t * at[side] + t * t * to[side]
-                })
-            })),
+    radius_m: &dyn Fn(usize) -> f64,
+) -> Result<TrajectoryPlan, TrajectoryError> {
+    let mut smoothed = TrajectoryPlan::with_capacity(plan.agents(), plan.knot_count());
+    for (agent, knots) in plan.paths().enumerate() {
+        let last = knots.len() - 1;
+        let mut path: Vec<Knot> = Vec::with_capacity(knots.len());
+        let mut append = |knot: Knot| {
+            // Two curves may meet in the middle of an action.
+            if path.last().is_none_or(|last| last.time_s + SHORTEST_S < knot.time_s) {
+                path.push(knot);
+            }
+        };
+        for at in 0..last {
+            let corner = knots.get(at);
+            let curve = at
+                .checked_sub(1)
+                .and_then(|before| {
+                    let ends = [knots.get(before), knots.get(at + 1)];
+                    round(ends[0], corner, ends[1], max_deviation_m, radius_m(agent))
+                });
+            match curve {
+                None => append(corner),
+                Some([from, to]) => {
+                    for piece in 0..=PIECES {
+                        let share = f64::from(piece) / f64::from(PIECES);
+                        let (one, two) = (between(from, corner, share), between(corner, to, share));
+                        append(between(one, two, share));
+                    }
+                }
+            }
         }
+        // The goal stays, to the bit.
+        let goal = knots.get(last);
+        while path.len() > 1 && path[path.len() - 1].time_s + SHORTEST_S >= goal.time_s {
+            path.pop();
+        }
+        path.push(goal);
+        smoothed.push_path(path)?;
     }
-    if path.len() > 1 {
-        smoothed.extend(path.last());
-    }
-    smoothed.dedup();
     Ok(smoothed)
 }
 
-/// Begin and end of a corner's curve.
+/// Knots nearer in time than this, in seconds, are the same but for rounding.
+const SHORTEST_S: f64 = 1e-9;
+
+/// Begin and end of a corner's curve, if it is worth one.
 fn round(
-    before: Waypoint,
-    at: Waypoint,
-    after: Waypoint,
+    before: Knot,
+    corner: Knot,
+    after: Knot,
     max_deviation_m: f64,
-) -> Option<(Waypoint, Waypoint)> {
-    let length = |a: Waypoint, b: Waypoint| {
-        let (x, y) = (b[0] - a[0], b[1] - a[1]);
-        (x * x + y * y).sqrt()
+    radius_m: f64,
+) -> Option<[Knot; 2]> {
+    let (first_s, second_s) = (corner.time_s - before.time_s, after.time_s - corner.time_s);
+    let turn = |from: Knot, to: Knot| {
+        let headings = from.heading_rad.zip(to.heading_rad);
+        headings.map_or(0.0, |(from, to)| to - from)
     };
-    let (first, second) = (length(before, at), length(at, after));
-    if !(first > 0.0 && second > 0.0) {
+    let change = |before: f64, after: f64| after / second_s - before / first_s;
+    let (x, y, heading) = (
+        change(corner.x_m - before.x_m, after.x_m - corner.x_m),
+        change(corner.y_m - before.y_m, after.y_m - corner.y_m),
+        change(turn(before, corner), turn(corner, after)),
+    );
+    // Speed by which the fastest point of the body changes its velocity, at most.
+    let change = (x * x + y * y).sqrt() + radius_m * heading.abs();
+    let longest_s = 0.5 * first_s.min(second_s);
+    if 0.25 * longest_s * change <= WORTH * max_deviation_m {
         return None;
     }
-    let along = |side: usize| {
-        (
-            (at[side] - before[side]) / first,
-            (after[side] - at[side]) / second,
-        )
-    };
-    let ((ux, wx), (uy, wy)) = (along(0), along(1));
-    let (x, y) = (wx - ux, wy - uy);
-    let sharpness = (x * x + y * y).sqrt();
-    // No corner, or a turn on the spot, whose end a curve would cut off.
-    if sharpness <= 1e-9 || sharpness >= 2.0 - 1e-9 {
-        return None;
+    let reach_s = (4.0 * max_deviation_m / change).min(longest_s);
+    Some([
+        between(corner, before, reach_s / first_s),
+        between(corner, after, reach_s / second_s),
+    ])
+}
+
+fn between(from: Knot, to: Knot, share: f64) -> Knot {
+    let between = |from: f64, to: f64| from + (to - from) * share;
+    Knot {
+        time_s: between(from.time_s, to.time_s),
+        x_m: between(from.x_m, to.x_m),
+        y_m: between(from.y_m, to.y_m),
+        heading_rad: from
+            .heading_rad
+            .zip(to.heading_rad)
+            .map(|(from, to)| between(from, to)),
     }
-    let reach = (4.0 * max_deviation_m / sharpness)
-        .min(0.5 * first)
-        .min(0.5 * second);
-    let toward = |end: Waypoint, length: f64| {
-        [0, 1, 2].map(|side| at[side] + (end[side] - at[side]) * (reach / length))
-    };
-    Some((toward(before, first), toward(after, second)))
 }

@@ -363,3 +363,113 @@ fn the_edge_of_a_world_is_met() {
     assert!(solved.contacts.agent_obstacle >= 1);
     assert_eq!(solved.arrived, 0, "it does not get through the notch");
 }
+
+/// Routes of one agent each, of poses that a robot is to pass at a metre a second.
+fn routes(paths: &[Vec<[f64; 3]>]) -> TrajectoryPlan {
+    let mut plan = TrajectoryPlan::default();
+    for path in paths {
+        let mut time_s = 0.0;
+        let mut before = path[0];
+        let knots = path.iter().map(|[x_m, y_m, heading]| {
+            let (dx, dy) = (x_m - before[0], y_m - before[1]);
+            time_s += (dx * dx + dy * dy).sqrt() + (heading - before[2]).abs();
+            before = [*x_m, *y_m, *heading];
+            Knot {
+                time_s,
+                x_m: *x_m,
+                y_m: *y_m,
+                heading_rad: Some(*heading),
+            }
+        });
+        plan.push_path(knots).expect("a path");
+    }
+    plan
+}
+
+fn drive(plan: &TrajectoryPlan, models: &[&str], config: &SimConfig) -> Result<Outcome, SimError> {
+    let profiles = models.iter().map(|model| {
+        Profile::preset(model).unwrap_or_else(|_| Profile {
+            footprint: Footprint::Disc { radius_m: 0.2 },
+            model: model.parse().expect("a model"),
+        })
+    });
+    let of_agent = (0..plan.agents() as u32).map(|agent| agent % models.len() as u32);
+    let fleet = Fleet::new(profiles.collect(), of_agent.collect()).expect("a fleet");
+    Simulator::new(config)
+        .with_fleet(&fleet)
+        .run(plan, &mut NoTrace)
+}
+
+fn by_order() -> SimConfig {
+    SimConfig {
+        policy: Policy::Adg,
+        ..SimConfig::default()
+    }
+}
+
+/// Bodies that move in any direction do not stop where their way bends, and stay as near to it as their
+/// tolerances say, headings included.
+#[test]
+fn bends_need_no_stop() {
+    let arc = |knots: usize| -> Vec<[f64; 3]> {
+        let angle = |knot: usize| 3.0 * knot as f64 / knots as f64;
+        (0..=knots)
+            .map(|knot| [2.0 * libm::sin(angle(knot)), 2.0 * (1.0 - libm::cos(angle(knot))), 0.3 * angle(knot)])
+            .collect()
+    };
+    for model in ["double-integrator", "holonomic", "go2", "anymal-c"] {
+        let mut times = Vec::new();
+        for knots in [12, 120, 1200] {
+            let plan = routes(&[arc(knots)]);
+            for tier in [Tier::Kinematic, Tier::Contact] {
+                let config = SimConfig { tier, ..by_order() };
+                let outcome = drive(&plan, &[model], &config).unwrap();
+                let of: Model = model.parse().unwrap();
+                let (m, rad) = (of.lateral_tolerance_m(), of.heading_tolerance_rad());
+                assert_eq!(outcome.arrived, 1, "{model}, {knots}");
+                assert!(outcome.tracking_error_max_m <= m, "{model}, {knots}, {tier}: {outcome:?}");
+                assert!(outcome.tracking_error_max_rad.unwrap() <= rad, "{model}, {knots}, {tier}: {outcome:?}");
+                println!("{model} {knots} {tier} {:?} {} {:?}", outcome.makespan_s, outcome.tracking_error_max_m, outcome.tracking_error_max_rad);
+                times.push(outcome.makespan_s.unwrap());
+            }
+        }
+    }
+}
+
+#[test]
+fn bends_of_any_kind_are_kept_to() {
+    for seed in 0..40 {
+        let mut rng = common::rng(7000 + seed);
+        let mut unit = || common::below(&mut rng, 1 << 20) as f64 / f64::from(1 << 20);
+        let step = [0.02, 0.1, 0.4, 1.5][seed as usize % 4];
+        let sharp = [0.2, 0.7, 1.5, 3.1][seed as usize / 4 % 4];
+        let mut here = [0.0; 3];
+        let mut way = 0.0;
+        let mut path = vec![here];
+        for _ in 0..60 {
+            way += sharp * (2.0 * unit() - 1.0);
+            let length = step * (0.2 + unit());
+            let turn = if unit() < 0.5 { 0.0 } else { 0.5 * length * (2.0 * unit() - 1.0) };
+            here = [here[0] + length * libm::cos(way), here[1] + length * libm::sin(way), here[2] + turn];
+            if unit() < 0.1 {
+                here[2] += 2.0 * unit() - 1.0;
+                // In place.
+                path.push([path[path.len() - 1][0], path[path.len() - 1][1], here[2]]);
+            }
+            path.push(here);
+        }
+        let plan = routes(&[path]);
+        for model in ["double-integrator", "holonomic", "go2", "anymal-c"] {
+            for tier in [Tier::Kinematic, Tier::Contact] {
+                let config = SimConfig { tier, ..by_order() };
+                let outcome = drive(&plan, &[model], &config).unwrap();
+                let of: Model = model.parse().unwrap();
+                println!("{seed} {step} {sharp} {model} {tier} {:?} of {} {:.5} {:?}", outcome.makespan_s, plan.horizon_s(), outcome.tracking_error_max_m, outcome.tracking_error_max_rad);
+                let (m, rad) = (of.lateral_tolerance_m(), of.heading_tolerance_rad());
+                assert_eq!(outcome.arrived, 1, "{model}, {seed}");
+                assert!(outcome.tracking_error_max_m <= m + 0.05, "{model}, {seed}");
+                assert!(outcome.tracking_error_max_rad.unwrap() <= rad + 0.1, "{model}, {seed}");
+            }
+        }
+    }
+}

@@ -55,6 +55,7 @@ fn disturbed(delay: &str, velocity: &str, messages: &str, seed: u64) -> Disturba
         delay: delay.parse().expect("a delay"),
         velocity: velocity.parse().expect("a noise"),
         messages: messages.parse().expect("messages"),
+        ..Disturbance::default()
     }
 }
 

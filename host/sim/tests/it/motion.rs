@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use fleetyard_core::{Hasher, Knot, TrajectoryPlan};
 use fleetyard_sim::motion::{
-    DifferentialDrive, Model, PRESETS, State, Target, Waypoint, WaypointLaw, smooth, wrap,
+    DifferentialDrive, Model, PRESETS, State, Target, WaypointLaw, smooth, wrap,
 };
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
@@ -628,67 +628,112 @@ fn the_last_waypoint_may_have_a_tolerance_of_its_own() {
     assert!(error.to_string().contains("final_tolerance_m"), "{error}");
 }
 
-/// Distance of a point from a path.
-fn distance_from(path: &[Waypoint], point: [f64; 2]) -> f64 {
-    let legs = path.windows(2).map(|leg| {
-        let (dx, dy) = (leg[1][0] - leg[0][0], leg[1][1] - leg[0][1]);
-        let (x, y) = (point[0] - leg[0][0], point[1] - leg[0][1]);
-        let squared = dx * dx + dy * dy;
-        let at = if squared > 0.0 {
-            ((x * dx + y * dy) / squared).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        let (x, y) = (x - at * dx, y - at * dy);
-        (x * x + y * y).sqrt()
+fn plan_of(path: &[(f64, [f64; 3])]) -> TrajectoryPlan {
+    let mut plan = TrajectoryPlan::default();
+    let knots = path.iter().map(|(time_s, [x_m, y_m, heading])| Knot {
+        time_s: *time_s,
+        x_m: *x_m,
+        y_m: *y_m,
+        heading_rad: Some(*heading),
     });
-    legs.fold(f64::INFINITY, f64::min)
+    plan.push_path(knots).expect("a path");
+    plan
+}
+
+/// Places of a plan with the moments at which it is there.
+fn knots_of(plan: &TrajectoryPlan) -> Vec<(f64, [f64; 3])> {
+    let knots = plan.knots(0).iter();
+    knots
+        .map(|knot| (knot.time_s, [knot.x_m, knot.y_m, knot.heading_rad.unwrap_or(0.0)]))
+        .collect()
+}
+
+/// Bound of the distance of any point of a body, no farther than the radius from its origin, between
+/// two poses.
+fn apart(a: Knot, b: Knot, radius_m: f64) -> f64 {
+    let (x, y) = (a.x_m - b.x_m, a.y_m - b.y_m);
+    let turn = a.heading_rad.unwrap_or(0.0) - b.heading_rad.unwrap_or(0.0);
+    (x * x + y * y).sqrt() + radius_m * turn.abs()
 }
 
 proptest! {
+    /// At every moment no point of the body is farther from where the plan has it than allowed; it is
+    /// never faster, and begins and ends where and when the plan does.
     #[test]
-    fn smooth_paths_stay_near_the_path(
-        path in prop::collection::vec((-5.0..5.0, -5.0..5.0, -PI..PI), 2..8),
-        deviation in 0.0..0.5, pieces in 2usize..9,
+    fn smooth_plans_stay_near_the_plan(
+        path in prop::collection::vec((0.01..2.0, -5.0..5.0, -5.0..5.0, -PI..PI, 0..4), 1..8),
+        deviation in 0.001..0.5, radius_m in 0.0..1.0,
     ) {
-        let path: Vec<Waypoint> = path.into_iter().map(|(x, y, heading)| [x, y, heading]).collect();
-        let smoothed = smooth(&path, deviation, pieces).unwrap();
-        prop_assert_eq!(&smoothed[..1], &path[..1]);
-        prop_assert_eq!(&smoothed[smoothed.len() - 1..], &path[path.len() - 1..]);
-        for leg in smoothed.windows(2) {
-            for part in 0..=4 {
-                let part = f64::from(part) / 4.0;
-                let between = |side: usize| leg[0][side] + part * (leg[1][side] - leg[0][side]);
-                let off = distance_from(&path, [between(0), between(1)]);
-                prop_assert!(off <= deviation + 1e-9, "{off} from the path");
+        let (mut time_s, mut here) = (0.0, [0.0; 3]);
+        let mut knots = vec![(time_s, here)];
+        for (duration_s, x, y, heading, kind) in path {
+            time_s += duration_s;
+            // Waits, turns in place and ways without a turn are actions, too.
+            here = match kind {
+                0 => here,
+                1 => [here[0], here[1], heading],
+                2 => [x, y, here[2]],
+                _ => [x, y, heading],
+            };
+            knots.push((time_s, here));
+        }
+        let plan = plan_of(&knots);
+        let smoothed = smooth(&plan, deviation, &|_| radius_m).unwrap();
+        let (before, after) = (plan.knots(0), smoothed.knots(0));
+        prop_assert_eq!(after.get(0), before.get(0));
+        prop_assert_eq!(after.get(after.len() - 1), before.get(before.len() - 1));
+        let mut moments: Vec<f64> = after.time_s.to_vec();
+        moments.extend(before.time_s);
+        moments.sort_by(f64::total_cmp);
+        for pair in moments.windows(2) {
+            for part in 0..4 {
+                let when = pair[0] + (pair[1] - pair[0]) * f64::from(part) / 4.0;
+                let off = apart(before.at(when), after.at(when), radius_m);
+                prop_assert!(off <= deviation * (1.0 + 1e-9) + 1e-9, "{off} at {when}");
             }
         }
+        let (was, is) = (before.fastest(), after.fastest());
+        prop_assert!(is.speed_m_per_s <= was.speed_m_per_s * (1.0 + 1e-6) + 1e-6);
     }
 }
 
 #[test]
 fn smooth_corners_are_rounded_and_others_kept() {
-    let corner = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, FRAC_PI_2]];
-    let smoothed = smooth(&corner, 0.1, 4).unwrap();
-    assert_eq!(smoothed.len(), 7);
-    // In the middle as far away as allowed, and half-way turned into the second leg.
-    let middle = smoothed[3];
-    let (x, y) = (middle[0] - 2.0, middle[1]);
-    assert!(((x * x + y * y).sqrt() - 0.1).abs() < 1e-12, "{middle:?}");
-    assert!(middle[2] > 0.0 && middle[2] < 0.2);
-    // Back on itself, standing still, straight on: nothing to round.
-    let back = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
-    assert_eq!(smooth(&back, 0.1, 4).unwrap(), back);
-    let turn = [
-        [0.0, 0.0, 0.0],
-        [2.0, 0.0, 0.0],
-        [2.0, 0.0, 1.0],
-        [2.0, 1.0, 1.0],
+    let corner = [
+        (0.0, [0.0, 0.0, 0.0]),
+        (2.0, [2.0, 0.0, 0.0]),
+        (4.0, [2.0, 2.0, 0.0]),
     ];
-    assert_eq!(smooth(&turn, 0.1, 4).unwrap(), turn);
-    assert!(smooth(&corner, f64::NAN, 4).is_err());
-    assert!(smooth(&corner, 0.1, 0).is_err());
-    assert!(smooth(&[], 0.1, 4).unwrap().is_empty());
+    let smoothed = knots_of(&smooth(&plan_of(&corner), 0.1, &|_| 0.5).unwrap());
+    // Eight pieces between two straight ends.
+    assert_eq!(smoothed.len(), 11);
+    // When it passes the corner it is as far from it as allowed, half-way round.
+    let (when, [x, y, _]) = smoothed[5];
+    assert!((when - 2.0).abs() < 1e-12);
+    assert!((x + y - 2.0).abs() < 1e-12 && ((x - 2.0).hypot(y) - 0.1).abs() < 1e-12, "{x} {y}");
+    // Speeds change uniformly on the curve.
+    let [one, two] = [(2, 3), (7, 8)].map(|(from, to): (usize, usize)| {
+        let ((start, [ax, ay, _]), (end, [bx, by, _])) = (smoothed[from], smoothed[to]);
+        [(bx - ax) / (end - start), (by - ay) / (end - start)]
+    });
+    assert!((one[0] + one[1] - 1.0).abs() < 1e-9 && (one[0] - two[1]).abs() < 1e-9);
+    // Straight on nothing is to be done, and with no room either.
+    let straight = [(0.0, [0.0; 3]), (1.0, [1.0, 0.0, 0.0]), (2.0, [2.0, 0.0, 0.0])];
+    assert_eq!(knots_of(&smooth(&plan_of(&straight), 0.1, &|_| 0.5).unwrap()), straight);
+    assert_eq!(knots_of(&smooth(&plan_of(&corner), 0.0, &|_| 0.5).unwrap()), corner);
+    // A wait remains one, half as long as planned, and the robot comes to rest in it.
+    let wait = [
+        (0.0, [0.0; 3]),
+        (1.0, [1.0, 0.0, 0.0]),
+        (2.0, [1.0, 0.0, 0.0]),
+        (3.0, [1.0, 1.0, 0.0]),
+    ];
+    let smoothed = smooth(&plan_of(&wait), 10.0, &|_| 0.5).unwrap();
+    let at = smoothed.knots(0).at(1.5);
+    assert!((at.x_m - 1.0).abs() < 1e-12 && at.y_m.abs() < 1e-12, "{at:?}");
+    // What turns only changes nothing of a body that is round.
+    let turn = [(0.0, [0.0; 3]), (1.0, [0.0, 0.0, 1.0]), (2.0, [0.0, 0.0, -1.0])];
+    assert_eq!(knots_of(&smooth(&plan_of(&turn), 0.1, &|_| 0.0).unwrap()), turn);
 }
 
 /// Plans are checked before they are driven; what slips through ends all the same.
