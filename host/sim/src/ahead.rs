@@ -1,22 +1,19 @@
 //! Heading for places beyond the next bend.
 //!
 //! A body that moves in any direction need not stop where its way bends. Instead of its next knot
-//! it heads for the farthest released place of its way of which a straight motion there passes
-//! all knots between within a tolerance (Multi-Quadruped MAPF, section 3: a proportional controller
-//! goes for the next intermediate waypoint). It can always stop at that place, which is on its way,
-//! and until then it is as near to its way as the tolerance says.
+//! it heads for the farthest released place ahead to which the straight line from the place that it is
+//! at passes all knots between within a tolerance (Multi-Quadruped MAPF, section 3: a proportional
+//! controller goes for the next intermediate waypoint). It can always stop at that place, which is on
+//! its way, and stays near to its way meanwhile.
 //!
-//! The knots between are seen from the body under angles that narrow a cone, and their headings narrow
+//! The knots between are seen from here under angles that narrow a cone, and their headings narrow
 //! the turns per metre in the same way: a place is tested once, whatever lies before it.
 
-use crate::motion::State;
 use crate::route::Place;
 
-/// Straight motions from a body that pass some places within a tolerance.
+/// Straight motions from a place that pass some others within a tolerance.
 pub(crate) struct Cone {
-    x: f64,
-    y: f64,
-    heading: f64,
+    here: Place,
     near_m: f64,
     near_rad: f64,
     /// Direction that angles are counted from, once there is a place beyond the tolerance.
@@ -30,13 +27,11 @@ pub(crate) struct Cone {
 }
 
 impl Cone {
-    /// All motions from where a body is.
-    pub(crate) fn new(state: &State, near_m: f64, near_rad: f64) -> Self {
+    /// All motions from a place, with tolerances in metres and radians.
+    pub(crate) fn new(here: Place, [near_m, near_rad]: [f64; 2]) -> Self {
         const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
         Self {
-            x: state.x,
-            y: state.y,
-            heading: state.heading,
+            here,
             near_m,
             near_rad,
             axis: None,
@@ -48,8 +43,14 @@ impl Cone {
 
     /// The way to a place, and its length.
     fn way(&self, place: Place) -> ([f64; 2], f64) {
-        let (x, y) = (place.x - self.x, place.y - self.y);
+        let (x, y) = (place.x - self.here.x, place.y - self.here.y);
         ([x, y], (x * x + y * y).sqrt())
+    }
+
+    /// The turn on the way to a place, if headings matter.
+    fn turn(&self, place: Place) -> Option<f64> {
+        let headings = self.here.heading.zip(place.heading);
+        headings.map(|(here, there)| there - here)
     }
 
     fn angle(axis: [f64; 2], [x, y]: [f64; 2]) -> f64 {
@@ -65,9 +66,9 @@ impl Cone {
             && self
                 .axis
                 .is_none_or(|axis| within(Self::angle(axis, way), self.angles))
-            && place
-                .heading
-                .is_none_or(|heading| within((heading - self.heading) / distance, self.turns))
+            && self
+                .turn(place)
+                .is_none_or(|turn| within(turn / distance, self.turns))
     }
 
     /// Narrows the motions to those that pass a place. Returns its distance.
@@ -76,15 +77,11 @@ impl Cone {
         self.distance = self.distance.max(distance);
         if distance > self.near_m {
             let axis = *self.axis.get_or_insert(way);
-            let (angle, half) = (
-                Self::angle(axis, way),
-                libm::asin(self.near_m / distance),
-            );
+            let (angle, half) = (Self::angle(axis, way), libm::asin(self.near_m / distance));
             self.angles[0] = self.angles[0].max(angle - half);
             self.angles[1] = self.angles[1].min(angle + half);
         }
-        if let Some(heading) = place.heading.filter(|_| distance > 0.0) {
-            let turn = heading - self.heading;
+        if let Some(turn) = self.turn(place).filter(|_| distance > 0.0) {
             self.turns[0] = self.turns[0].max((turn - self.near_rad) / distance);
             self.turns[1] = self.turns[1].min((turn + self.near_rad) / distance);
         }

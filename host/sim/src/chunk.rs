@@ -95,7 +95,13 @@ impl Chunk {
             pilots: Vec::new(),
             factors: Vec::new(),
             slips: Vec::new(),
-            errors: vec![Off { m: f64::NAN, rad: 0.0 }; CHUNK],
+            errors: vec![
+                Off {
+                    m: f64::NAN,
+                    rad: 0.0
+                };
+                CHUNK
+            ],
             is_still: false,
             tracks: Tracks::new(with_heading),
             travel: vec![0.0; CHUNK],

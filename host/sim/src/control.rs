@@ -133,9 +133,10 @@ pub(crate) const UNLIMITED: f64 = 15.0;
 /// solved: less than their drives have, whose work within a tick is not instant.
 const BRAKING: f64 = 0.5 * UNLIMITED;
 
-/// Share of the arrival tolerances within which a body that does not stop at bends passes its knots:
-/// it brakes across its way too, and was off it before.
-const BEND: f64 = 0.5;
+/// Share of the arrival tolerances within which the line from a way to the place ahead passes the knots
+/// between, for bodies that do not stop at bends. A body that always heads for such a place goes round
+/// a circle inside of its way at four times the distance, and brakes across its way too.
+const BEND: f64 = 0.2;
 
 /// A way that bends by more than 45° is driven with a stop: this is the cosine.
 const SHARPEST: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -191,6 +192,19 @@ fn bisector(from: Place, by: Place, to: Place) -> Option<[f64; 2]> {
     };
     let ([ax, ay], [bx, by]) = (unit(from, by)?, unit(by, to)?);
     (ax * bx + ay * by >= SHARPEST).then_some([ax + bx, ay + by])
+}
+
+/// The place on a way that is nearest to a point; the end of a way that goes nowhere.
+fn nearest(from: Place, to: Place, [x, y]: [f64; 2]) -> Place {
+    let (wx, wy) = (to.x - from.x, to.y - from.y);
+    let length = wx * wx + wy * wy;
+    let along = (x - from.x) * wx + (y - from.y) * wy;
+    let share = if length > 0.0 {
+        (along / length).clamp(0.0, 1.0)
+    } else {
+        1.0
+    };
+    between(from, to, share)
 }
 
 /// The farthest place on a way, of which the end is too far, that a cone admits.
@@ -268,6 +282,7 @@ impl Driver<'_> {
         tracks.push(self.block.start, x, y, heading);
         let released = self.released(agent, pilot);
         let factor = chunk.factors[lane];
+        let slip = chunk.slips.get(lane).copied().unwrap_or_default();
         let chase = self.chase;
         let before = (pilot.done, pilot.leg);
         let mut stood = false;
@@ -314,7 +329,7 @@ impl Driver<'_> {
                 // What comes next depends on where the body is after each tick.
                 let state = &mut pilot.state;
                 model.run(state, &target, 1, self.tick_s, factor, &mut |_| {});
-                self.slip(chunk.slips[lane], state);
+                self.slip(slip, state);
                 tracks.push(left[0], state.x, state.y, state.heading);
                 let end = left[0];
                 left = &left[1..];
@@ -447,7 +462,7 @@ impl Driver<'_> {
         let mut state = pilot.state;
         if let Some(model) = model {
             model.run(&mut state, &target, 1, self.tick_s, factor, &mut |_| {});
-            if model.is_exact() && !by_time {
+            if (model.is_exact() || matches!(model, Model::DoubleIntegrator(_))) && !by_time {
                 self.brake(&mut state, &pilot.state, &target);
             }
             return state;
@@ -539,18 +554,11 @@ impl Driver<'_> {
             }
             Releases::Order(_) => {
                 let (from, end) = (pilot.from, self.place(agent, pilot.leg.max(pilot.done)));
+                let place = nearest(from, end, [x, y]);
                 let (wx, wy) = (end.x - from.x, end.y - from.y);
-                let length = wx * wx + wy * wy;
-                let along = (x - from.x) * wx + (y - from.y) * wy;
-                let share = if length > 0.0 {
-                    (along / length).clamp(0.0, 1.0)
-                } else {
-                    1.0
-                };
-                let place = between(from, end, share);
                 let turned = match (from.heading, end.heading) {
                     // Any heading between is right while it turns in place.
-                    (Some(from), Some(end)) if length <= SAME_M * SAME_M => {
+                    (Some(from), Some(end)) if wx * wx + wy * wy <= SAME_M * SAME_M => {
                         let between = heading.max(from.min(end)).min(from.max(end));
                         Some(between - heading)
                     }
@@ -641,13 +649,13 @@ impl Driver<'_> {
         }
         let state = &pilot.state;
         let [stops, seconds, metres] = AHEAD;
-        let reach =
-            stops * model.stop_distance_m(state) + seconds * state.speed_m_per_s() + metres;
+        let stop_m = stops * model.stop_distance_m(state);
+        let reach = stop_m + seconds * state.speed_m_per_s() + metres;
         let near = [model.arrival_tolerance_m(), model.heading_tolerance_rad()];
-        let [near_m, near_rad] = near.map(|near| BEND * near);
-        let mut cone = Cone::new(state, near_m, near_rad);
         let (mut from, mut knot) = (pilot.from, pilot.leg);
         let mut end = self.place(agent, knot);
+        let here = nearest(from, end, [state.x, state.y]);
+        let mut cone = Cone::new(here, near.map(|near| BEND * near));
         let mut ahead = None;
         loop {
             if cone.pass(end) > reach {
@@ -667,24 +675,25 @@ impl Driver<'_> {
             ahead = Some(to);
             (from, end, knot) = (end, to, next);
         }
+        // Whoever is there already has reached the end of the leg, too. A body that begins to turn
+        // brakes less than one that does not.
+        let turns = |to: &Place| {
+            to.heading
+                .is_some_and(|to| (to - state.heading).abs() > SAME_M)
+        };
+        let ahead = ahead.filter(|to| {
+            let (dx, dy) = (to.x - state.x, to.y - state.y);
+            let has_room = state.omega != 0.0 || !turns(to) || stop_m * stop_m <= dx * dx + dy * dy;
+            has_room && !model.has_arrived(state, &to.target())
+        });
         if ahead.is_none() && self.noise.has_slips() {
-            return self.near_line(pilot, self.place(agent, pilot.leg), reach);
+            // Whoever slips off a line has to return to it.
+            let end = self.place(agent, pilot.leg);
+            let (dx, dy) = (end.x - here.x, end.y - here.y);
+            let left = (dx * dx + dy * dy).sqrt();
+            return (left > reach).then(|| between(here, end, reach / left));
         }
         ahead
-    }
-
-    /// A place on the leg as far ahead of a body as given, if the end of the leg is farther: whoever
-    /// slips off a line has to return to it.
-    fn near_line(&self, pilot: &Pilot, end: Place, reach: f64) -> Option<Place> {
-        let (from, state) = (pilot.from, &pilot.state);
-        let (wx, wy) = (end.x - from.x, end.y - from.y);
-        let length = (wx * wx + wy * wy).sqrt();
-        if length <= SAME_M {
-            return None;
-        }
-        let along = ((state.x - from.x) * wx + (state.y - from.y) * wy) / length;
-        let share = (along.max(0.0) + reach) / length;
-        (share < 1.0).then(|| between(from, end, share))
     }
 
     /// Counts the knots that a body has passed, those at the bends of its way included.

@@ -55,7 +55,9 @@ pub enum SimError {
          place at every knot of a curve that it drives by order"
     )]
     Corners { agent: usize, model: &'static str },
-    #[error("agent {agent} cannot have errors of velocity: its model {model} follows its reference exactly")]
+    #[error(
+        "agent {agent} cannot have errors of velocity: its model {model} follows its reference exactly"
+    )]
     NoSlip { agent: usize, model: &'static str },
     #[error("the corners of the plan cannot be rounded: {0}")]
     Smooth(#[from] TrajectoryError),
@@ -113,9 +115,9 @@ impl SimError {
             Self::Corners { .. } => Some(
                 "leave the plan as it is, execute it by time, or give robots that move in any direction",
             ),
-            Self::NoSlip { .. } => {
-                Some("give robots with a controller, such as holonomic or agv, or leave out the errors")
-            }
+            Self::NoSlip { .. } => Some(
+                "give robots with a controller, such as holonomic or agv, or leave out the errors",
+            ),
             Self::Smooth(error) => error.hint(),
             Self::TooLarge { .. } => {
                 Some("execute fewer agents, or use a machine with more memory")

@@ -23,6 +23,8 @@ const GRIP: f64 = 6.0;
 pub(crate) struct Solved {
     world: ContactWorld,
     wishes: Vec<Twist>,
+    /// Errors of the wishes, which controllers know nothing of.
+    errors: Vec<Twist>,
     substeps_per_tick: f64,
     agents: usize,
 }
@@ -55,20 +57,32 @@ impl Solved {
                 world.add_mover(mover)?;
             }
         }
+        // Errors of velocity come on top of what drives are asked for.
+        let spare = if config.disturbance.twist.is_none() {
+            1.0
+        } else {
+            2.0
+        };
         for agent in 0..agents {
             let (chunk, lane) = (&chunks[agent / CHUNK], agent % CHUNK);
+            let drive = drive_of(model(agent as u32));
             world.add_agent(&Agent {
                 shape: shapes.of(agent as u32),
                 pose: Pose::new(chunk.x[lane], chunk.y[lane], chunk.heading[lane]),
                 velocity: Twist::default(),
                 mass: Mass::Density(DENSITY),
-                drive: drive_of(model(agent as u32)),
+                drive: Drive {
+                    acceleration: spare * drive.acceleration,
+                    angular: spare * drive.angular,
+                    ..drive
+                },
                 material: Material::default(),
             })?;
         }
         Ok(Self {
             world,
             wishes: vec![Twist::default(); agents],
+            errors: vec![Twist::default(); agents],
             substeps_per_tick: f64::from(config.substeps),
             agents,
         })
@@ -96,11 +110,12 @@ impl Solved {
                     let (pilot, factor) = (&mut chunk.pilots[lane], chunk.factors[lane]);
                     let wish = driver.wish(model(agent as u32), agent, pilot, factor, [now, *end]);
                     let slip = chunk.slips.get(lane).copied().unwrap_or_default();
-                    let [x, y, turn] = slip.of(wish.vx, wish.vy, wish.omega);
+                    let [vx, vy, omega] = slip.of(wish.vx, wish.vy, wish.omega);
+                    self.errors[agent] = Twist { vx, vy, omega };
                     self.wishes[agent] = Twist {
-                        vx: wish.vx + x,
-                        vy: wish.vy + y,
-                        omega: wish.omega + turn,
+                        vx: wish.vx + vx,
+                        vy: wish.vy + vy,
+                        omega: wish.omega + omega,
                     };
                     pilot.state.remember(&wish);
                 }
@@ -110,9 +125,12 @@ impl Solved {
                 for (lane, pilot) in chunk.pilots.iter_mut().enumerate() {
                     let agent = chunk.first as usize + lane;
                     let (pose, velocity) = (self.world.pose(agent), self.world.velocity(agent));
+                    let error = self.errors[agent];
                     let state = &mut pilot.state;
                     (state.x, state.y, state.heading) = (pose.x, pose.y, pose.heading);
-                    (state.vx, state.vy, state.omega) = (velocity.vx, velocity.vy, velocity.omega);
+                    state.vx = velocity.vx - error.vx;
+                    state.vy = velocity.vy - error.vy;
+                    state.omega = velocity.omega - error.omega;
                     driver.notice(model(agent as u32), agent, pilot, *end);
                     poses.push(pose);
                 }
@@ -181,13 +199,18 @@ fn drive_of(model: Option<&Model>) -> Drive {
                 false,
             )
         }
-        Some(Model::Holonomic(model)) => (
-            model
-                .max_forward_acceleration_m_per_s2
-                .max(model.max_lateral_acceleration_m_per_s2),
-            model.max_turn_acceleration_rad_per_s2,
-            false,
-        ),
+        Some(Model::Holonomic(model)) => {
+            let (ahead, aside) = (
+                model.max_forward_acceleration_m_per_s2,
+                model.max_lateral_acceleration_m_per_s2,
+            );
+            // Both axes at once.
+            (
+                (ahead * ahead + aside * aside).sqrt(),
+                model.max_turn_acceleration_rad_per_s2,
+                false,
+            )
+        }
         _ => (UNLIMITED, UNLIMITED, false),
     };
     Drive {

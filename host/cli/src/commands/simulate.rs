@@ -23,8 +23,8 @@ use serde::Serialize;
 
 use super::task::{Report, TaskArgs};
 use crate::args::{
-    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, disturbance, file_format, picture as picture_file,
-    word,
+    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, disturbance, file_format,
+    picture as picture_file, word,
 };
 use crate::exit::{Exit, Failure, Result};
 use crate::files::{Unnamed, draw, keep, trace_file};

@@ -42,18 +42,19 @@ pub fn smooth(
         let mut path: Vec<Knot> = Vec::with_capacity(knots.len());
         let mut append = |knot: Knot| {
             // Two curves may meet in the middle of an action.
-            if path.last().is_none_or(|last| last.time_s + SHORTEST_S < knot.time_s) {
+            if path
+                .last()
+                .is_none_or(|last| last.time_s + SHORTEST_S < knot.time_s)
+            {
                 path.push(knot);
             }
         };
         for at in 0..last {
             let corner = knots.get(at);
-            let curve = at
-                .checked_sub(1)
-                .and_then(|before| {
-                    let ends = [knots.get(before), knots.get(at + 1)];
-                    round(ends[0], corner, ends[1], max_deviation_m, radius_m(agent))
-                });
+            let curve = at.checked_sub(1).and_then(|before| {
+                let ends = [knots.get(before), knots.get(at + 1)];
+                round(ends[0], corner, ends[1], max_deviation_m, radius_m(agent))
+            });
             match curve {
                 None => append(corner),
                 Some([from, to]) => {

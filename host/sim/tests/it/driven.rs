@@ -414,31 +414,175 @@ fn bends_need_no_stop() {
     let arc = |knots: usize| -> Vec<[f64; 3]> {
         let angle = |knot: usize| 3.0 * knot as f64 / knots as f64;
         (0..=knots)
-            .map(|knot| [2.0 * libm::sin(angle(knot)), 2.0 * (1.0 - libm::cos(angle(knot))), 0.3 * angle(knot)])
+            .map(|knot| {
+                [
+                    2.0 * libm::sin(angle(knot)),
+                    2.0 * (1.0 - libm::cos(angle(knot))),
+                    0.3 * angle(knot),
+                ]
+            })
             .collect()
     };
-    for model in ["double-integrator", "holonomic", "go2", "anymal-c"] {
-        let mut times = Vec::new();
+    for (model, most_s) in [
+        ("double-integrator", 13.5),
+        ("holonomic", 17.0),
+        ("go2", 11.0),
+    ] {
         for knots in [12, 120, 1200] {
             let plan = routes(&[arc(knots)]);
             for tier in [Tier::Kinematic, Tier::Contact] {
                 let config = SimConfig { tier, ..by_order() };
                 let outcome = drive(&plan, &[model], &config).unwrap();
-                let of: Model = model.parse().unwrap();
-                let (m, rad) = (of.lateral_tolerance_m(), of.heading_tolerance_rad());
-                assert_eq!(outcome.arrived, 1, "{model}, {knots}");
-                assert!(outcome.tracking_error_max_m <= m, "{model}, {knots}, {tier}: {outcome:?}");
-                assert!(outcome.tracking_error_max_rad.unwrap() <= rad, "{model}, {knots}, {tier}: {outcome:?}");
-                println!("{model} {knots} {tier} {:?} {} {:?}", outcome.makespan_s, outcome.tracking_error_max_m, outcome.tracking_error_max_rad);
-                times.push(outcome.makespan_s.unwrap());
+                keeps_to_its_way(&outcome, model, &format!("{knots} knots"));
+                assert!(
+                    outcome.makespan_s.unwrap() < most_s,
+                    "{model}, {knots}: {outcome:?}"
+                );
             }
         }
     }
 }
 
+/// Where contacts are solved drives are not instant.
+fn keeps_to_its_way(outcome: &Outcome, model: &str, what: &str) {
+    let of: Model = model.parse().unwrap();
+    let slack = if outcome.tier == Tier::Contact {
+        1.3
+    } else {
+        1.05
+    };
+    let (m, rad) = (
+        outcome.tracking_error_max_m,
+        outcome.tracking_error_max_rad.unwrap(),
+    );
+    let tier = outcome.tier;
+    assert_eq!(outcome.arrived, outcome.agents, "{model}, {tier}, {what}");
+    assert!(
+        m <= slack * of.lateral_tolerance_m(),
+        "{model}, {tier}, {what}: {m} m"
+    );
+    assert!(
+        rad <= 1.2 * of.heading_tolerance_rad(),
+        "{model}, {tier}, {what}: {rad} rad"
+    );
+}
+
+/// Round corners are driven on the curve, by order in no other time than bends need, and by time nearer
+/// to the plan.
+#[test]
+fn round_corners_are_driven_without_a_stop() {
+    let zigzag: Vec<[f64; 3]> = (0..10)
+        .map(|corner| [1.2 * f64::from(corner), 0.6 * f64::from(corner % 2), 0.0])
+        .collect();
+    let plan = routes(&[zigzag]);
+    for model in ["go2", "spot", "anymal-c", "pebble"] {
+        for tier in [Tier::Kinematic, Tier::Contact] {
+            let config = SimConfig { tier, ..by_order() };
+            let round = SimConfig {
+                smooth_m: 0.15,
+                ..config.clone()
+            };
+            let [sharp, round] =
+                [&config, &round].map(|config| drive(&plan, &[model], config).unwrap());
+            assert_ne!(sharp.trace_digest, round.trace_digest);
+            if model != "pebble" {
+                keeps_to_its_way(&round, model, "round corners");
+            }
+        }
+    }
+    let by_time = |model: &str, smooth_m: f64| {
+        let config = SimConfig {
+            smooth_m,
+            until_done: true,
+            ..SimConfig::default()
+        };
+        drive(&plan, &[model], &config)
+            .unwrap()
+            .tracking_error_max_m
+    };
+    assert!(by_time("pebble", 0.15) <= 0.0);
+    assert!(by_time("go2", 0.15) < by_time("go2", 0.0));
+}
+
+/// Robots that turn where they drive stop at each knot of a curve, and pebbles have no velocity.
+#[test]
+fn curves_and_errors_of_velocity_need_robots_for_them() {
+    let corner = routes(&[vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]]);
+    let smooth_m = 0.1;
+    let error = drive(
+        &corner,
+        &["agv"],
+        &SimConfig {
+            smooth_m,
+            ..by_order()
+        },
+    )
+    .unwrap_err();
+    assert!(
+        matches!(error, SimError::Corners { agent: 0, .. }),
+        "{error}"
+    );
+    assert!(error.hint().is_some());
+    drive(
+        &corner,
+        &["agv"],
+        &SimConfig {
+            smooth_m,
+            ..SimConfig::default()
+        },
+    )
+    .unwrap();
+    for wrong in [-0.1, f64::NAN, 1e7] {
+        let error = drive(
+            &corner,
+            &["go2"],
+            &SimConfig {
+                smooth_m: wrong,
+                ..by_order()
+            },
+        )
+        .unwrap_err();
+        assert!(
+            matches!(
+                error,
+                SimError::Config {
+                    field: "smooth_m",
+                    ..
+                }
+            ),
+            "{error}"
+        );
+    }
+    let mut slips = by_order();
+    slips.disturbance.twist = "0.05,0.02".parse().unwrap();
+    for model in ["pebble", "single-integrator"] {
+        let error = drive(&corner, &[model], &slips).unwrap_err();
+        assert!(
+            matches!(error, SimError::NoSlip { agent: 0, .. }),
+            "{error}"
+        );
+    }
+    drive(&corner, &["agv"], &slips).unwrap();
+    // On a grid as in the plane.
+    let (grid, plan) = world(2, 10, 20);
+    let sharp = run(&grid, &plan, "holonomic", &by_order());
+    let round = run(
+        &grid,
+        &plan,
+        "holonomic",
+        &SimConfig {
+            smooth_m,
+            ..by_order()
+        },
+    );
+    assert_eq!(round.contacts.total(), 0);
+    assert!(round.arrived == 10 && round.makespan_s != sharp.makespan_s);
+}
+
+/// Pieces of centimetres and of metres, gentle bends and sharp ones, turns on the way and in place.
 #[test]
 fn bends_of_any_kind_are_kept_to() {
-    for seed in 0..40 {
+    for seed in 0..32 {
         let mut rng = common::rng(7000 + seed);
         let mut unit = || common::below(&mut rng, 1 << 20) as f64 / f64::from(1 << 20);
         let step = [0.02, 0.1, 0.4, 1.5][seed as usize % 4];
@@ -449,8 +593,16 @@ fn bends_of_any_kind_are_kept_to() {
         for _ in 0..60 {
             way += sharp * (2.0 * unit() - 1.0);
             let length = step * (0.2 + unit());
-            let turn = if unit() < 0.5 { 0.0 } else { 0.5 * length * (2.0 * unit() - 1.0) };
-            here = [here[0] + length * libm::cos(way), here[1] + length * libm::sin(way), here[2] + turn];
+            let turn = if unit() < 0.5 {
+                0.0
+            } else {
+                0.5 * length * (2.0 * unit() - 1.0)
+            };
+            here = [
+                here[0] + length * libm::cos(way),
+                here[1] + length * libm::sin(way),
+                here[2] + turn,
+            ];
             if unit() < 0.1 {
                 here[2] += 2.0 * unit() - 1.0;
                 // In place.
@@ -463,12 +615,7 @@ fn bends_of_any_kind_are_kept_to() {
             for tier in [Tier::Kinematic, Tier::Contact] {
                 let config = SimConfig { tier, ..by_order() };
                 let outcome = drive(&plan, &[model], &config).unwrap();
-                let of: Model = model.parse().unwrap();
-                println!("{seed} {step} {sharp} {model} {tier} {:?} of {} {:.5} {:?}", outcome.makespan_s, plan.horizon_s(), outcome.tracking_error_max_m, outcome.tracking_error_max_rad);
-                let (m, rad) = (of.lateral_tolerance_m(), of.heading_tolerance_rad());
-                assert_eq!(outcome.arrived, 1, "{model}, {seed}");
-                assert!(outcome.tracking_error_max_m <= m + 0.05, "{model}, {seed}");
-                assert!(outcome.tracking_error_max_rad.unwrap() <= rad + 0.1, "{model}, {seed}");
+                keeps_to_its_way(&outcome, model, &format!("seed {seed}"));
             }
         }
     }

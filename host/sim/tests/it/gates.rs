@@ -504,6 +504,33 @@ impl Ways for Square {
     }
 }
 
+/// The same with less than a turn of 0.8 rad per metre where agents do not turn in place.
+struct Calm(Square);
+
+impl Ways for Calm {
+    fn start(&mut self, rng: &mut ChaCha8Rng) -> Knot {
+        self.0.start(rng)
+    }
+
+    fn next(&mut self, rng: &mut ChaCha8Rng, last: &Knot) -> Knot {
+        let next = self.0.next(rng, last);
+        let length = apart([last.x_m, last.y_m], [next.x_m, next.y_m]);
+        let most = if length > 0.0 { 0.8 * length } else { 2.0 };
+        let turn = next
+            .heading_rad
+            .zip(last.heading_rad)
+            .map(|(to, from)| to - from);
+        let heading_rad = last
+            .heading_rad
+            .zip(turn)
+            .map(|(from, turn)| from + turn.clamp(-most, most));
+        Knot {
+            heading_rad,
+            ..next
+        }
+    }
+}
+
 /// Edges of a roadmap at one speed, each agent with one heading for ever.
 struct Roads {
     at_m: Vec<[f64; 2]>,
@@ -802,6 +829,70 @@ fn robots_of_any_shape_keep_the_order() {
             }
         }
     }
+}
+
+/// Quadrupeds on smoothed plans, whose velocities have errors, with as much room as both take: nobody
+/// touches anybody by order, whatever is late. By time of the plan they would.
+#[test]
+fn quadrupeds_that_slip_keep_the_order_of_smooth_plans() {
+    // What rectangles are wider by in the plan is for curves, tolerances and errors of both robots.
+    let (smooth_m, off_m) = (0.04, 0.12);
+    let presets = ["go2", "spot", "anymal-c"];
+    let profiles = presets.map(|name| Profile::preset(name).expect("a preset with a body"));
+    let footprints = profiles.clone().map(|profile| profile.footprint);
+    let mut by_time = 0;
+    for seed in 0..6 {
+        let mut rng = rng(5100 + seed);
+        let mut ways = Calm(Square { side_m: 8.0 });
+        let clearance_m = smooth_m + off_m;
+        let plan = random_trajectories(&mut rng, &footprints, (7, 10), &mut ways, clearance_m);
+        let of_agent = (0..7).map(|agent| agent % 3).collect();
+        let fleet = Fleet::new(profiles.to_vec(), of_agent).expect("a fleet");
+        let run = |config: &SimConfig| {
+            Simulator::new(config)
+                .with_fleet(&fleet)
+                .run(&plan, &mut NoTrace)
+                .unwrap_or_else(|error| panic!("seed {seed}: {error}"))
+        };
+        let mut config = SimConfig {
+            policy: Policy::Adg,
+            ..SimConfig::default()
+        };
+        assert_eq!(run(&config).contacts.total(), 0, "seed {seed}");
+        config.smooth_m = smooth_m;
+        assert_eq!(run(&config).contacts.total(), 0, "seed {seed}");
+        // Beyond the models' own tolerances.
+        config.margin_m = 0.1;
+        config.disturbance.seed = seed;
+        config.disturbance.twist = "0.05,0.02".parse().expect("errors");
+        config.disturbance.delay = "bernoulli:0.2,2s".parse().expect("a delay");
+        config.disturbance.messages = "0s,0.5s,0.2".parse().expect("messages");
+        for tier in [Tier::Kinematic, Tier::Contact] {
+            config.tier = tier;
+            let outcome = run(&config);
+            let contact = outcome.contacts.first.first();
+            assert_eq!(contact, None, "seed {seed}, {tier}");
+            assert_eq!(outcome.arrived, 7, "seed {seed}, {tier}");
+            let off = outcome.tracking_error_max_m;
+            assert!((0.01..off_m).contains(&off), "seed {seed}, {tier}: {off}");
+            let turned = outcome
+                .tracking_error_max_rad
+                .expect("the plan has headings");
+            assert!(turned < 0.15, "seed {seed}, {tier}: {turned}");
+            assert_eq!(run(&config).trace_digest, outcome.trace_digest);
+        }
+        let late = SimConfig {
+            policy: Policy::Time,
+            tier: Tier::Kinematic,
+            until_done: true,
+            ..config
+        };
+        let outcome = Simulator::new(&late)
+            .with_fleet(&fleet)
+            .run(&plan, &mut NoTrace);
+        by_time += outcome.map_or(1, |outcome| outcome.contacts.agent_agent);
+    }
+    assert!(by_time > 0);
 }
 
 /// A plan that enters only cells that were free in the step before.

@@ -275,7 +275,7 @@ const WORLDS: &[Case] = &[
     (
         "contact tier, mixed fleet",
         || pushing(mixed_fleet()),
-        "3f9cbea81aa79bc8ddb008bf67e5e3f0",
+        "35baa5335990693adb7b928d6ad0a8b9",
     ),
     (
         "contact tier, by order",

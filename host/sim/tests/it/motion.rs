@@ -644,7 +644,12 @@ fn plan_of(path: &[(f64, [f64; 3])]) -> TrajectoryPlan {
 fn knots_of(plan: &TrajectoryPlan) -> Vec<(f64, [f64; 3])> {
     let knots = plan.knots(0).iter();
     knots
-        .map(|knot| (knot.time_s, [knot.x_m, knot.y_m, knot.heading_rad.unwrap_or(0.0)]))
+        .map(|knot| {
+            (
+                knot.time_s,
+                [knot.x_m, knot.y_m, knot.heading_rad.unwrap_or(0.0)],
+            )
+        })
         .collect()
 }
 
@@ -710,7 +715,10 @@ fn smooth_corners_are_rounded_and_others_kept() {
     // When it passes the corner it is as far from it as allowed, half-way round.
     let (when, [x, y, _]) = smoothed[5];
     assert!((when - 2.0).abs() < 1e-12);
-    assert!((x + y - 2.0).abs() < 1e-12 && ((x - 2.0).hypot(y) - 0.1).abs() < 1e-12, "{x} {y}");
+    assert!(
+        (x + y - 2.0).abs() < 1e-12 && ((x - 2.0).hypot(y) - 0.1).abs() < 1e-12,
+        "{x} {y}"
+    );
     // Speeds change uniformly on the curve.
     let [one, two] = [(2, 3), (7, 8)].map(|(from, to): (usize, usize)| {
         let ((start, [ax, ay, _]), (end, [bx, by, _])) = (smoothed[from], smoothed[to]);
@@ -718,9 +726,19 @@ fn smooth_corners_are_rounded_and_others_kept() {
     });
     assert!((one[0] + one[1] - 1.0).abs() < 1e-9 && (one[0] - two[1]).abs() < 1e-9);
     // Straight on nothing is to be done, and with no room either.
-    let straight = [(0.0, [0.0; 3]), (1.0, [1.0, 0.0, 0.0]), (2.0, [2.0, 0.0, 0.0])];
-    assert_eq!(knots_of(&smooth(&plan_of(&straight), 0.1, &|_| 0.5).unwrap()), straight);
-    assert_eq!(knots_of(&smooth(&plan_of(&corner), 0.0, &|_| 0.5).unwrap()), corner);
+    let straight = [
+        (0.0, [0.0; 3]),
+        (1.0, [1.0, 0.0, 0.0]),
+        (2.0, [2.0, 0.0, 0.0]),
+    ];
+    assert_eq!(
+        knots_of(&smooth(&plan_of(&straight), 0.1, &|_| 0.5).unwrap()),
+        straight
+    );
+    assert_eq!(
+        knots_of(&smooth(&plan_of(&corner), 0.0, &|_| 0.5).unwrap()),
+        corner
+    );
     // A wait remains one, half as long as planned, and the robot comes to rest in it.
     let wait = [
         (0.0, [0.0; 3]),
@@ -730,10 +748,20 @@ fn smooth_corners_are_rounded_and_others_kept() {
     ];
     let smoothed = smooth(&plan_of(&wait), 10.0, &|_| 0.5).unwrap();
     let at = smoothed.knots(0).at(1.5);
-    assert!((at.x_m - 1.0).abs() < 1e-12 && at.y_m.abs() < 1e-12, "{at:?}");
+    assert!(
+        (at.x_m - 1.0).abs() < 1e-12 && at.y_m.abs() < 1e-12,
+        "{at:?}"
+    );
     // What turns only changes nothing of a body that is round.
-    let turn = [(0.0, [0.0; 3]), (1.0, [0.0, 0.0, 1.0]), (2.0, [0.0, 0.0, -1.0])];
-    assert_eq!(knots_of(&smooth(&plan_of(&turn), 0.1, &|_| 0.0).unwrap()), turn);
+    let turn = [
+        (0.0, [0.0; 3]),
+        (1.0, [0.0, 0.0, 1.0]),
+        (2.0, [0.0, 0.0, -1.0]),
+    ];
+    assert_eq!(
+        knots_of(&smooth(&plan_of(&turn), 0.1, &|_| 0.0).unwrap()),
+        turn
+    );
 }
 
 /// Plans are checked before they are driven; what slips through ends all the same.
