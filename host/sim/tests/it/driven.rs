@@ -426,7 +426,7 @@ fn bends_need_no_stop() {
     for (model, most_s) in [
         ("double-integrator", 13.5),
         ("holonomic", 17.0),
-        ("go2", 11.0),
+        ("go2", 12.0),
     ] {
         for knots in [12, 120, 1200] {
             let plan = routes(&[arc(knots)]);
