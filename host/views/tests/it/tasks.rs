@@ -24,9 +24,11 @@ fn tasks_are_as_they_would_be_written() {
         let found = std::fs::read(maps(name)).unwrap();
         assert!(found == written, "{name} is not what would be written");
     };
-    let world = load_workspace(maps("window.world.json")).unwrap();
-    check("window.world.json", &write_workspace(&world));
-    for name in TASKS {
+    for name in ["window.world.json", "floor.world.json"] {
+        let world = load_workspace(maps(name)).unwrap();
+        check(name, &write_workspace(&world));
+    }
+    for name in TASKS.into_iter().chain(["floor.task.json"]) {
         let file = maps(name);
         let task = load_task(&file).unwrap();
         let written = write_task(&task);
