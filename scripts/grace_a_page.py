@@ -4,9 +4,9 @@ other, and beside what GRACE published. Everything on the page follows from the 
 import csv
 import io
 import math
-import os
 from collections import defaultdict
 
+from experiment import Page, count, digits, mean, read, replace, share
 from figures import COLOURS, picture
 from verdicts import Claim, judge, spread
 
@@ -46,17 +46,6 @@ GOOD_ENOUGH = 1.25
 # Section V-A, observations 1 to 3: SoC, makespan and planning time in per cent of db-CBS.
 PUBLISHED = {"grid": ("123", "61", "2.4"), "SD": ("108", "52", "1.6")}
 PUBLISHED_ROADMAPS = ("108–118", "52–61", "0.16–1.6")
-
-
-def read(path, numbers=(), counts=()):
-    with open(path, newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        for column in numbers:
-            row[column] = float(row[column]) if row[column] else None
-        for column in counts:
-            row[column] = int(row[column]) if row[column] else None
-    return rows
 
 
 class Trials:
@@ -123,43 +112,12 @@ def ratios(cells, base, of, keys):
     return {seed: sum(values) / len(values) for seed, values in found.items()}
 
 
-def mean(values):
-    return sum(values) / len(values)
-
-
-def digits(value):
-    """Three significant digits, without an exponent."""
-    if value == 0:
-        return "0"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
-
-
 def percent(by_seed):
     """The geometric mean in per cent, with its 95 % t interval over seeds."""
     if not by_seed:
         return "–"
     middle, low, high = (100 * math.exp(value) for value in spread(list(by_seed.values())))
     return digits(middle) if len(by_seed) < 2 else f"{digits(middle)} [{digits(low)}, {digits(high)}]"
-
-
-def count(number, what):
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def share(part, whole, by="/"):
-    return f"{part}{by}{whole}"
-
-
-class Page:
-    def __init__(self):
-        self.lines = []
-
-    def text(self, *lines):
-        self.lines.extend(lines)
-
-    def table(self, head, rows, texts=1):
-        self.text("| " + " | ".join(head) + " |", "|" + " --- |" * texts + " ---: |" * (len(head) - texts))
-        self.text(*("| " + " | ".join(map(str, row)) + " |" for row in rows), "")
 
 
 def figure(trials):
@@ -583,11 +541,3 @@ def write(page, kept):
     text = "\n".join(out.lines).rstrip("\n") + "\n"
     replace(kept / "figure.svg", figure(trials))
     replace(page, text)
-
-
-def replace(path, text):
-    """A file that appears whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)

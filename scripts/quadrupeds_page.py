@@ -21,7 +21,7 @@ TITLES = {"kinematic": "kinematic", "kinematic-noise": "kinematic, with errors",
 # Figures of an execution, as they are kept and as `simulate` calls them.
 EXECUTED = {"pairs": "contacts_agent_agent", "walls": "contacts_agent_obstacle", "arrived": "arrived", "makespan_s": "makespan_s",
             "off_m": "tracking_error_max_m", "off_rad": "tracking_error_max_rad"}
-MEASURED = ("plan_ms", "makespan_s", "length_m", "inflation_m", "radius_m",
+MEASURED = ("plan_ms", "first_ms", "makespan_s", "length_m", "inflation_m", "radius_m",
             *(f"{how}_{figure}" for how in EXECUTIONS for figure in EXECUTED))
 # Columns of a trial: which it is, how it ended, and figures of plan and executions, empty where there are none.
 COLUMNS = ["robots", "trial", "planner", "model", "kinds", "termination", "failure", "valid", *MEASURED, "contended", "machine"]
@@ -100,12 +100,13 @@ def table_of_planners(page, trials):
         for team in trials.teams:
             cell = trials.cells[planner, team]
             plans = [row for row in cell if row["valid"]]
-            times = sorted(row["plan_ms"] / 1000 for row in plans if not row["contended"]) or sorted(row["plan_ms"] / 1000 for row in plans)
+            calm = [row for row in plans if not row["contended"]] or plans
+            times = [sorted(row[figure] / 1000 for row in calm if row[figure] is not None) for figure in ("first_ms", "plan_ms")]
             rows.append([f"`{planner}`", team, share(len(plans), len(cell)),
-                         f"{digits(statistics.median(times))}, {digits(times[-1])}" if times else "–",
+                         *(f"{digits(statistics.median(of))}, {digits(of[-1])}" if of else "–" for of in times),
                          spread([row["makespan_s"] for row in plans]),
                          spread([row["contact-noise_makespan_s"] for row in driven(plans, "contact-noise") if is_done(row, "contact-noise")])])
-    page.table(["planner", "robots", "plans", "planning time, s: median, longest", "planned, s", "driven, s"], rows)
+    page.table(["planner", "robots", "plans", "first plan, s: median, longest", "planning time, s: median, longest", "plan's makespan, s", "driven, s"], rows)
 
 
 def table_of_executions(page, trials):
@@ -144,8 +145,8 @@ def table_of_calibration(page, calibration):
         rows.append([f"`{kind}`", *cells, f"{100 * of[0]['inflation_m']:.1f}"])
     page.table(["robot", *(f"{title}: cm, rad" for title in TITLES.values()), "inflated by, cm"], rows)
     page.text("The largest distance and angle from the way, in a course of 40 m with turns on the way and in place, driven alone, with "
-              "errors twenty times. Every side of a rectangle is moved out by 1.25 times the largest distance + effective radius × "
-              "angle, and by the 5 cm that round corners may be from the plan.\n")
+              f"errors {max(int(row['seed']) for row in calibration)} times. Every side of a rectangle is moved out by 1.25 times the largest distance + "
+              "effective radius × angle, and by the 5 cm that round corners may be from the plan.\n")
 
 
 def losses(trials, planners):
@@ -156,8 +157,9 @@ def losses(trials, planners):
                     "their times do not count.")
     for planner in trials.planners:
         rows = trials.of(planner)
-        missed = [f"{share(sum(not row['valid'] for row in cell), len(cell), ' of ')} with {team} robots" for team in trials.teams
-                  if any(not row["valid"] for row in (cell := trials.cells[planner, team]))]
+        cells = {team: trials.cells[planner, team] for team in trials.teams}
+        missed = [f"{share(sum(not row['valid'] for row in cell), len(cell), ' of ')} with {team} robots" for team, cell in cells.items()
+                  if any(not row["valid"] for row in cell)]
         if missed:
             told.append(f"**No plan** by `{planner}`: {', '.join(missed)}.")
         for how, title in TITLES.items():
@@ -207,12 +209,16 @@ def write(path, kept, picture):
               "| unpublished limits of speed | `go2`, `spot`, `anymal-c`: public figures, and ours where there are none |", "")
     page.text("## Planners", "")
     table_of_planners(page, trials)
-    asked = [f"`{one['planner']}` plans for {MODELS[one['model']]}" for one in planners if not one["left_out"]]
+    asked = defaultdict(list)
+    for one in planners:
+        if not one["left_out"]:
+            asked[MODELS[one["model"]]].append(f"`{one['planner']}`")
     left_out = defaultdict(list)
     for one in planners:
         if one["left_out"]:
             left_out[one["left_out"]].append(f"`{one['planner']}`")
-    page.text("; ".join(asked) + ". " + "Plans are those of inflated rectangles, by the exact judge. A planner without a plan for any of three teams "
+    page.text("*Driven* in the contact tier with errors. Planned for " + ", for ".join(f"{model}: {', '.join(names)}" for model, names in asked.items())
+              + ". Plans are those of inflated rectangles, valid by the exact judge. A planner without a plan for any of three teams "
               "of a size is not asked for more." + (" Left out: " + "; ".join(
                   f"{', '.join(names)} ({reason})" for reason, names in left_out.items()) + "." if left_out else ""), "")
     page.text("## Executions", "")

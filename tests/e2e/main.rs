@@ -19,15 +19,13 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
-#[path = "../fuzz/src/lib.rs"]
-pub mod fuzz;
 mod fuzz_corpus;
 mod grace;
 mod guide;
 mod league;
 mod maze_benchmark;
 mod protocol;
-#[path = "../rows.rs"]
+mod quadrupeds;
 mod rows;
 mod scaffold;
 mod simulate;
