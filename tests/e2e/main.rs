@@ -19,6 +19,8 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
+#[path = "../fuzz/src/lib.rs"]
+pub mod fuzz;
 mod fuzz_corpus;
 mod grace;
 mod guide;
@@ -26,6 +28,7 @@ mod league;
 mod maze_benchmark;
 mod protocol;
 mod quadrupeds;
+#[path = "../rows.rs"]
 mod rows;
 mod scaffold;
 mod simulate;

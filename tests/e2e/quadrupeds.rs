@@ -22,7 +22,8 @@ fn teams_are_planned_for_and_driven_without_contacts() {
         return;
     }
     let yard = Yard::new();
-    let quick = "--quick --trials 1 --robots 3 --planner plane-pp --out out --page page/quadrupeds.md";
+    let quick =
+        "--quick --trials 1 --robots 3 --planner plane-pp --out out --page page/quadrupeds.md";
     script(&yard, quick).expect(SUCCESS);
     let page = text(&yard, "page/quadrupeds.md");
     for told in [
@@ -62,7 +63,10 @@ fn what_the_experiment_cannot_do_is_said() {
             "--quick --planner nobody",
             "error: there is no planner nobody\nhint: ",
         ),
-        ("--robots 99", "error: the floor has room for 1 to 20 robots"),
+        (
+            "--robots 99",
+            "error: the floor has room for 1 to 20 robots",
+        ),
         ("--trials 0", "error: there is at least one trial"),
         ("page --page none.md", "error: there are no rows in "),
     ];
@@ -85,7 +89,11 @@ fn the_page_about_quadrupeds_is_what_its_rows_say() {
         fs::create_dir_all(yard.path(folder)).unwrap();
     }
     for file in ["rows.csv", "planners.csv", "calibration.csv"] {
-        fs::copy(kept.join(file), yard.path("docs/results/quadrupeds").join(file)).unwrap();
+        fs::copy(
+            kept.join(file),
+            yard.path("docs/results/quadrupeds").join(file),
+        )
+        .unwrap();
     }
     let shown = "docs/images/quadrupeds.svg";
     fs::copy(root().join(shown), yard.path(shown)).unwrap();
