@@ -675,25 +675,34 @@ impl Driver<'_> {
             ahead = Some(to);
             (from, end, knot) = (end, to, next);
         }
-        // Whoever is there already has reached the end of the leg, too. A body that begins to turn
-        // brakes less than one that does not.
-        let turns = |to: &Place| {
-            to.heading
-                .is_some_and(|to| (to - state.heading).abs() > SAME_M)
-        };
-        let ahead = ahead.filter(|to| {
+        let mut aim = None;
+        if let Some(to) = ahead {
             let (dx, dy) = (to.x - state.x, to.y - state.y);
-            let has_room = state.omega != 0.0 || !turns(to) || stop_m * stop_m <= dx * dx + dy * dy;
-            has_room && !model.has_arrived(state, &to.target())
-        });
-        if ahead.is_none() && self.noise.has_slips() {
+            let distance = (dx * dx + dy * dy).sqrt();
+            let turns = state.omega != 0.0
+                || to
+                    .heading
+                    .is_some_and(|heading| (heading - state.heading).abs() > SAME_M);
+            // A body that begins to turn brakes less than one that does not. Whoever is there already
+            // has reached the end of the leg, too.
+            let begins = turns && state.omega == 0.0;
+            if !(begins && stop_m > distance) && !model.has_arrived(state, &to.target()) {
+                let now = Place {
+                    x: state.x,
+                    y: state.y,
+                    heading: to.heading.map(|_| state.heading),
+                };
+                aim = Some(between(now, to, model.gentle_share(distance, turns)));
+            }
+        }
+        if aim.is_none() && self.noise.has_slips() {
             // Whoever slips off a line has to return to it.
             let end = self.place(agent, pilot.leg);
             let (dx, dy) = (end.x - here.x, end.y - here.y);
             let left = (dx * dx + dy * dy).sqrt();
             return (left > reach).then(|| between(here, end, reach / left));
         }
-        ahead
+        aim
     }
 
     /// Counts the knots that a body has passed, those at the bends of its way included.

@@ -302,6 +302,23 @@ impl Model {
         self.keeps_headings() && !self.is_exact()
     }
 
+    /// Share of a way of this length, in metres, at whose end a body has to aim to keep half of its
+    /// deceleration for bends on the way: a target is approached with all of it, or in proportion to its
+    /// distance. Bodies whose limits turn with them keep that half anyway while they turn.
+    pub(crate) fn gentle_share(&self, distance_m: f64, turns: bool) -> f64 {
+        let (gain_per_s, deceleration) = match self {
+            Self::DoubleIntegrator(model) => {
+                (model.distance_gain_per_s, model.max_acceleration_m_per_s2)
+            }
+            Self::Holonomic(model) if !turns => {
+                (model.distance_gain_per_s, model.least_acceleration())
+            }
+            _ => return 1.0,
+        };
+        let share = (deceleration / distance_m).sqrt() / gain_per_s;
+        share.max(0.5).min(1.0)
+    }
+
     /// A body has arrived if it is within this angle of the requested heading.
     pub fn heading_tolerance_rad(&self) -> f64 {
         match self {

@@ -424,7 +424,7 @@ fn bends_need_no_stop() {
             .collect()
     };
     for (model, most_s) in [
-        ("double-integrator", 13.5),
+        ("double-integrator", 15.0),
         ("holonomic", 17.0),
         ("go2", 12.0),
     ] {
