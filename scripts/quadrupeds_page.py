@@ -172,7 +172,8 @@ def losses(trials, planners):
                             f"arrive, of {sum(row['valid'] for row in rows)}.")
     over = [(error_share(row, how), row["planner"]) for how in EXECUTIONS for row in driven(trials.rows, how) if error_share(row, how) > 1]
     if over:
-        told.append(f"**The calibration is exceeded** in {count(len(over), 'execution')}, by up to {100 * max(over)[0] - 100:.0f} %.")
+        told.append(f"**Errors may be larger than the calibration says** in {count(len(over), 'execution')}: by the bound of the last column below, by up "
+                    f"to {100 * max(over)[0] - 100:.0f} %.")
     return told
 
 
