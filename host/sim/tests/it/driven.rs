@@ -443,7 +443,7 @@ fn bends_need_no_stop() {
     }
 }
 
-/// Where contacts are solved drives are not instant.
+/// An execution in which all arrive within tolerances of their ways; drives are not instant in the contact tier.
 fn keeps_to_its_way(outcome: &Outcome, model: &str, what: &str) {
     let of: Model = model.parse().unwrap();
     let slack = if outcome.tier == Tier::Contact {
