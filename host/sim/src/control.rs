@@ -685,8 +685,8 @@ impl Driver<'_> {
                     .is_some_and(|heading| (heading - state.heading).abs() > SAME_M);
             // A body that begins to turn brakes less than one that does not. Whoever is there already
             // has reached the end of the leg, too.
-            let begins = turns && state.omega == 0.0;
-            if !(begins && stop_m > distance) && !model.has_arrived(state, &to.target()) {
+            let is_too_fast = turns && state.omega == 0.0 && stop_m > distance;
+            if !is_too_fast && !model.has_arrived(state, &to.target()) {
                 let now = Place {
                     x: state.x,
                     y: state.y,

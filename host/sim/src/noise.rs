@@ -382,7 +382,7 @@ impl Noise {
         let mut random = self.twists.clone();
         random.go_to(block, 3 * first as u64);
         for slip in slips {
-            let [x, y, turn] = [(); 3].map(|()| normal(random.unit()).max(-MOST).min(MOST));
+            let [x, y, turn] = [(); 3].map(|()| normal(random.unit()).clamp(-MOST, MOST));
             *slip = Slip {
                 x: std * x,
                 y: std * y,

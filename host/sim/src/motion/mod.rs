@@ -316,7 +316,7 @@ impl Model {
             _ => return 1.0,
         };
         let share = (deceleration / distance_m).sqrt() / gain_per_s;
-        share.max(0.5).min(1.0)
+        share.clamp(0.5, 1.0)
     }
 
     /// A body has arrived if it is within this angle of the requested heading.
