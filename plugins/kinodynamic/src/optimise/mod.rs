@@ -31,7 +31,7 @@ pub struct Options {
     pub rounds: u32,
     /// Most programs for a robot in a round.
     pub programs: u32,
-    /// Most steps of a course.
+    /// Steps of a course that lasts long; it may have a few times as many.
     pub steps: u32,
     /// A round that makes the sum of durations less by a smaller part than this is the last one.
     pub gain: f64,
@@ -42,7 +42,7 @@ impl Default for Options {
         Self {
             rounds: 12,
             programs: 30,
-            steps: 200,
+            steps: 300,
             gain: 2e-3,
         }
     }
@@ -263,6 +263,7 @@ impl Rounds<'_> {
         let mut steps = lane.steps.clone();
         let (mut margin, mut price) = (lane.margin, self.price);
         let mut found: Option<Track> = None;
+        let most_steps = 2 * lane.begin.spans.len().max(self.options.steps as usize);
         for _ in 0..TRIES {
             let effort = Effort {
                 margin,
@@ -294,7 +295,7 @@ impl Rounds<'_> {
                 let longer = steps.extended(&member.robot);
                 longer.unwrap_or_else(|| lane.steps.clone())
             };
-            if finer.spans.len() > 2 * self.options.steps as usize {
+            if finer.spans.len() > most_steps {
                 break;
             }
             steps = finer;

@@ -99,7 +99,7 @@ fn any_pose() -> impl Strategy<Value = [f64; 3]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
     fn plans_of_one_robot_become_no_longer(
@@ -191,6 +191,45 @@ proptest! {
         let ahead = moved.map(|pose| (gap(&pose).distance - here.distance) / step);
         let same = ahead.iter().zip(growth).filter(|(ahead, growth)| (*ahead - growth).abs() < 1e-3).count();
         prop_assert!(same == 3 || ahead.iter().zip(growth).all(|(ahead, growth)| ahead - growth < 2.0), "{ahead:?} {growth:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(10))]
+
+    /// Robots of several models that set out all at once among boxes, some of them from where they touch something.
+    #[test]
+    fn what_is_made_of_any_motions_of_a_team_is_a_plan(
+        numbers in prop::collection::vec((0..MODELS, any::<bool>(), any_pose(), any_pose()), 1..5),
+        boxes in prop::collection::vec((0.5..5.0, 0.5..5.0, 0.1..0.8, 0.1..0.8), 0..4), moves in any::<bool>(),
+    ) {
+        let boxes: Vec<[[f64; 2]; 4]> = boxes.into_iter().map(|(x, y, wide, high)| [[x, y], [x + wide, y], [x + wide, y + high], [x, y + high]]).collect();
+        let obstacles: Vec<&[[f64; 2]]> = boxes.iter().map(<[_; 4]>::as_slice).collect();
+        let mut problem = Problem::new(6.0, &obstacles).within(0.02);
+        if moves {
+            problem.environment.movers = vec![Mover {
+                footprint: Footprint::disc(0.3),
+                knots: vec![[0.0, 0.5, 3.0, 0.0], [10.0, 5.5, 3.0, 0.0]],
+            }];
+        }
+        for (number, is_disc, start, goal) in numbers {
+            let robot = model(number, is_disc);
+            let pose = if robot.has_heading { 3 } else { 2 };
+            problem = problem.with(robot, &start[..pose], &goal[..pose]);
+        }
+        with_team(&problem, |team| {
+            let courses: Vec<Course> = team.members.iter().map(straight).collect();
+            let is_plan = team.fault(&courses).is_none();
+            let guess: Vec<Guess> = courses.iter().zip(&team.members).map(|(course, member)| Guess::of(course, &member.robot)).collect();
+            let options = Options { rounds: 4, ..Options::default() };
+            let (found, _) = optimise(team, &guess, &options, &mut || false);
+            if let Some(found) = &found {
+                assert_eq!(team.fault(found), None);
+            }
+            if is_plan {
+                assert!(seconds(&found.unwrap()) <= seconds(&courses) + 1e-9);
+            }
+        });
     }
 }
 
@@ -367,6 +406,46 @@ fn a_corner_in_the_way_is_driven_round() {
                 assert!(found.is_some(), "{:?} {obstacle:?}", team.members[0].robot);
             });
         }
+    }
+}
+
+/// The door has a centimetre to each side.
+#[test]
+fn a_way_through_a_narrow_door_becomes_shorter() {
+    let below: &[[f64; 2]] = &[[2.9, 0.0], [3.1, 0.0], [3.1, 2.865], [2.9, 2.865]];
+    let above: &[[f64; 2]] = &[[2.9, 3.135], [3.1, 3.135], [3.1, 6.0], [2.9, 6.0]];
+    for number in [2, 3, 4, 5, 8] {
+        let robot = model(number, false);
+        let problem =
+            Problem::new(6.0, &[below, above]).with(robot, &[1.0, 2.6, 0.4], &[5.0, 3.3, 0.5]);
+        with_team(&problem, |team| {
+            let robot = &team.members[0].robot;
+            let pose = |x: f64, y: f64, heading: f64| Pose {
+                at: Vector::new(x, y),
+                heading,
+            };
+            let poses = [
+                pose(1.0, 2.6, 0.4),
+                pose(2.2, 3.0, 0.0),
+                pose(3.8, 3.0, 0.0),
+                pose(5.0, 3.3, 0.5),
+            ];
+            let segments = poses
+                .windows(2)
+                .flat_map(|pair| steer(robot, &pair[0], &pair[1], false).unwrap());
+            let course = Course {
+                start: team.members[0].start,
+                segments: segments.collect(),
+            };
+            assert_eq!(team.fault(std::slice::from_ref(&course)), None);
+            let (found, _) = improved(team, &[Guess::of(&course, robot)]);
+            let after = seconds(&found.expect("the guess is a plan"));
+            assert!(
+                after < 0.95 * course.seconds(),
+                "{number}: {after} {}",
+                course.seconds()
+            );
+        });
     }
 }
 
