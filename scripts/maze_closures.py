@@ -3,7 +3,7 @@
 
     scripts/maze-paper closures [--sizes N,…] [--seeds N] [--planner 'ID OPTION=VALUE…']… [--out FOLDER] [--rows FILE]
 
-Mazes by the recursive backtracker of each size [default: 15,63,127], seeds 7, 8, … [default: 3 of them], in which every fifth of
+Mazes by the recursive backtracker of each size [default: 15,63], seeds 7, 8, … [default: 3 of them], in which every fifth of
 the walls that are left is opened. A robot that moves a cell a second drives to random goals for 2000 s. Of a thousand free cells
 six are closed at a time, each for twice as many seconds as the maze has cells along its side. Planners are asked when a cell
 closes or opens, and for every new goal; an answer takes effect after 0.2 s. By default astar, d-star-lite and lpa-star, these with and
@@ -45,7 +45,7 @@ COLUMNS = ["cells", "seed", "planner", "free", "goals", "closures", "calls", "re
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, usage=argparse.SUPPRESS)
-    parser.add_argument("--sizes", type=lambda text: [int(one) for one in text.split(",")], default=[15, 63, 127])
+    parser.add_argument("--sizes", type=lambda text: [int(one) for one in text.split(",")], default=[15, 63])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--planner", action="append")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target" / "maze-paper" / "closures")
