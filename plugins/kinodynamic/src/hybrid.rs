@@ -15,7 +15,7 @@
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI, SQRT_2, TAU};
 
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::obstacles::Obstacles;
@@ -216,7 +216,7 @@ impl<'a> Search<'a> {
         let (mut expansions, mut until_tried) = (0, 0_u64);
         while let Some(Reverse((_, left, number, is_end))) = self.open.pop() {
             if is_end {
-                return (self.found(number), expansions);
+                return (self.found(number, stop), expansions);
             }
             let node = self.nodes[number as usize];
             let bin = self.bin(&node.pose);
@@ -346,7 +346,7 @@ impl<'a> Search<'a> {
     }
 
     /// The way that ends so, as controls.
-    fn found(&self, end: u32) -> Outcome {
+    fn found(&self, end: u32, stop: &mut dyn FnMut() -> bool) -> Outcome {
         let (mut at, last) = self.ends[end as usize].clone();
         let mut poses = Vec::new();
         let mut parts = Vec::new();
@@ -369,7 +369,7 @@ impl<'a> Search<'a> {
         }
         let own = self.joined(start, parts.iter().cloned());
         let shorter = if self.effort.shortens {
-            self.shortened(&poses, &parts)
+            self.shortened(&poses, &parts, stop)
         } else {
             None
         };
@@ -412,8 +412,13 @@ impl<'a> Search<'a> {
     }
 
     /// The parts of a way over some of these poses: to each pose the soonest from those before it, by its own parts or by
-    /// controls that lead straight there. `None` if that does not lead to the end.
-    fn shortened(&self, poses: &[Pose], parts: &[Part]) -> Option<Vec<Part>> {
+    /// controls that lead straight there. `None` if that does not lead to the end, or is not done when it has to stop.
+    fn shortened(
+        &self,
+        poses: &[Pose],
+        parts: &[Part],
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Vec<Part>> {
         let (query, robot) = (self.query, self.query.robot);
         let mut labels: Vec<Option<Label>> = vec![Some(Label {
             seconds: 0.0,
@@ -422,6 +427,9 @@ impl<'a> Search<'a> {
             part: Part::Controls(Vec::new()),
         })];
         for at in 1..poses.len() {
+            if stop() {
+                return None;
+            }
             let is_last = at + 1 == poses.len();
             let mut best: Option<Label> = None;
             if let Some(before) = &labels[at - 1]
@@ -680,12 +688,13 @@ impl Distances {
         let bounds = query.world.bounds;
         let extent = bounds.max - bounds.min;
         let inner = inner_radius(&query.space.body);
-        // In a cell so small its middle is free where the disc is.
-        let side = side.min(inner).max(extent.max() / MOST_CELLS);
+        // Where the disc goes through cells so small, their middles have half of its room, and nothing is between them.
+        let side = side.min(inner * FRAC_1_SQRT_2);
+        let side = side.max(extent.max() / MOST_CELLS);
         let count = |length: f64| (libm::ceil(length / side) as usize).max(1);
         let (columns, rows) = (count(extent.x), count(extent.y));
-        let radius = (inner - side * std::f64::consts::FRAC_1_SQRT_2).max(0.0);
-        let obstacles = query.seen_by(radius);
+        let room = query.seen_by((inner - side * FRAC_1_SQRT_2).max(0.0));
+        let lines = query.seen_by(0.0);
         let mut grid = Self {
             corner: bounds.min,
             side,
@@ -696,9 +705,6 @@ impl Distances {
             let (row, column) = (cell / columns, cell % columns);
             bounds.min + Vector::new(column as f64 + 0.5, row as f64 + 0.5) * side
         };
-        let free: Vec<bool> = (0..columns * rows)
-            .map(|cell| obstacles.free(middle(cell).inf(&bounds.max)))
-            .collect();
         let Some(goal) = grid.cell(query.goal.state.at) else {
             return grid;
         };
@@ -714,14 +720,13 @@ impl Distances {
                 for near_column in column.saturating_sub(1)..(column + 2).min(columns) {
                     let near = near_row * columns + near_column;
                     let is_diagonal = near_row != row && near_column != column;
-                    let step = side
-                        * if is_diagonal {
-                            std::f64::consts::SQRT_2
-                        } else {
-                            1.0
-                        };
+                    let step = side * if is_diagonal { SQRT_2 } else { 1.0 };
                     let sum = metres + step as f32;
-                    if free[near] && sum < grid.metres[near] {
+                    let at = middle(near);
+                    if sum < grid.metres[near]
+                        && room.clear(at, at)
+                        && lines.clear(middle(cell), at)
+                    {
                         grid.metres[near] = sum;
                         open.push(Reverse((sum.to_bits(), near)));
                     }
@@ -748,7 +753,7 @@ impl Distances {
             .map_or(0.0, |cell| f64::from(self.metres[cell]));
         if metres.is_finite() {
             // The goal and the place are anywhere in their cells.
-            (metres - std::f64::consts::SQRT_2 * self.side).max(0.0)
+            (metres - SQRT_2 * self.side).max(0.0)
         } else {
             0.0
         }
