@@ -186,6 +186,12 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("cbs-mp", IN_HOST),
     ("cbs-rrt", IN_WORKER),
     ("cbs-rrt", IN_HOST),
+    ("db-astar", IN_WORKER),
+    ("db-astar", IN_HOST),
+    ("db-cbs", IN_WORKER),
+    ("db-cbs", IN_HOST),
+    ("db-lacam", IN_WORKER),
+    ("db-lacam", IN_HOST),
 ];
 
 const MODULES: [&str; 3] = ["fail-policy", "instance-generator", "invocation-policy"];

@@ -21,7 +21,7 @@ fn planners(representation: &str) -> Vec<String> {
 
 /// True if a planner is for one robot alone.
 fn is_of_one(planner: &str) -> bool {
-    ["tangent", "hybrid-astar", "rrt-star", "sst"].contains(&planner)
+    ["tangent", "db-astar", "hybrid-astar", "rrt-star", "sst"].contains(&planner)
 }
 
 /// Planners that find every plan, given time.
@@ -323,6 +323,9 @@ fn two_hundred_discs_cross_a_hall() {
         "eccbs",
         "cbs-mp",
         "cbs-rrt",
+        "db-astar",
+        "db-cbs",
+        "db-lacam",
         "sssp",
         "tangent",
         "hybrid-astar",

@@ -4,6 +4,9 @@
 use fleetyard_plugin_conflict::plugin::{BoundedSearch, ConflictBasedSearch};
 use fleetyard_plugin_fleet::{generate, invocation, recover};
 use fleetyard_plugin_kinodynamic::plugin::cbs_rrt::CbsRrt;
+use fleetyard_plugin_kinodynamic::plugin::db_astar::DbAstar;
+use fleetyard_plugin_kinodynamic::plugin::db_cbs::DbCbs;
+use fleetyard_plugin_kinodynamic::plugin::db_lacam::DbLacam;
 use fleetyard_plugin_kinodynamic::plugin::hybrid_astar::HybridAstar;
 use fleetyard_plugin_kinodynamic::plugin::rrt_star::RrtStar;
 use fleetyard_plugin_kinodynamic::plugin::sst::Sst;
@@ -48,6 +51,9 @@ fleetyard_abi::export! {
         HybridAstar,
         RrtStar,
         Sst,
+        DbAstar,
+        DbCbs,
+        DbLacam,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -1,4 +1,4 @@
-//! Plans by random trees: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
+//! Plans of robots with dynamics: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
 //! of tasks in the plane, with a goal tolerance in m and rad, and options as JSON. Prints a line for each plan, and figures; seconds are those of the
 //! processor.
 
@@ -11,6 +11,9 @@ use std::sync::Arc;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Rejected, Sink};
 use fleetyard_abi::{Budget, LogLevel, PlanRef, Request, monotonic_ns};
+use fleetyard_plugin_kinodynamic::plugin::db_astar::DbAstar;
+use fleetyard_plugin_kinodynamic::plugin::db_cbs::DbCbs;
+use fleetyard_plugin_kinodynamic::plugin::db_lacam::DbLacam;
 use fleetyard_plugin_kinodynamic::plugin::rrt_star::RrtStar;
 use fleetyard_plugin_kinodynamic::plugin::sst::Sst;
 
@@ -85,6 +88,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let problem = tasks::Problem::read(file.as_ref(), count as usize)?.within(number(3, 1e-6)?);
     let options = rest.get(4).map_or("{}", String::as_str);
     match &**planner {
+        "db-astar" => plan::<DbAstar>(&problem, seconds, seed as u64, options),
+        "db-cbs" => plan::<DbCbs>(&problem, seconds, seed as u64, options),
+        "db-lacam" => plan::<DbLacam>(&problem, seconds, seed as u64, options),
         "rrt-star" => plan::<RrtStar>(&problem, seconds, seed as u64, options),
         "sst" => plan::<Sst>(&problem, seconds, seed as u64, options),
         other => Err(format!("there is no planner `{other}` here").into()),

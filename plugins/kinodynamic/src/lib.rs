@@ -5,7 +5,8 @@
 //!
 //! - [`robot`]: robots, their states, and where controls lead;
 //! - [`course`]: controls one after the other, and the motion that they make;
-//! - [`steer`]: controls from rest to rest;
+//! - [`steer`]: controls from rest to rest; [`curves`]: the quickest ones of wheels;
+//! - [`primitives`]: short motions that join exactly; [`search`]: planners that put them together;
 //! - [`optimise`]: courses of a team that end sooner;
 //! - [`scene`]: bodies among obstacles, movers and each other;
 //! - [`rrt`]: conflict-based search over trees of single robots;
@@ -15,11 +16,14 @@
 #![forbid(unsafe_code)]
 
 pub mod course;
+pub mod curves;
 pub mod hybrid;
 pub mod optimise;
 pub mod plugin;
+pub mod primitives;
 pub mod robot;
 pub mod rrt;
 pub mod sampling;
 pub mod scene;
+pub mod search;
 pub mod steer;

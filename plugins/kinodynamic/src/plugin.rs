@@ -21,6 +21,9 @@ use crate::robot::{DYNAMICS, Free, Goal, Robot, State};
 use crate::scene::{Scene, clash, is_clear};
 
 pub mod cbs_rrt;
+pub mod db_astar;
+pub mod db_cbs;
+pub mod db_lacam;
 pub mod hybrid_astar;
 pub mod rrt_star;
 pub mod sst;

@@ -5,4 +5,5 @@ mod foundation;
 mod hybrid;
 mod optimise;
 mod sampling;
+mod search;
 mod tasks;

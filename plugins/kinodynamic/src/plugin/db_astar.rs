@@ -1,0 +1,149 @@
+//! The planner behind the plugin contract: id `db-astar`.
+
+use fleetyard_abi::sdk::Failure;
+use fleetyard_abi::{Capability, Status};
+use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CLEARANCE_M, InStates, Method, Team};
+use crate::search::astar::{Grain, Limits, NODE_BYTES, Outcome, Pathfinder, field, first_step};
+
+/// A\* over motion primitives for one robot.
+pub type DbAstar = InStates<Options>;
+
+/// Options of `db-astar`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// Metres that a primitive leads at full speed in the first search; without it, the size of the robot, and in a wide world
+    /// more.
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub step_m: Option<f64>,
+    /// States nearer than this part of a primitive count as the same.
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub alpha: f64,
+    /// The factor of bounds from below in the first search; its excess is halved in each one after the first plan. Without it, 1
+    /// for robots of first order and 2 for those of second.
+    #[schemars(range(min = 1.0, max = 100.0))]
+    pub weight: Option<f64>,
+    /// The factor of the length of primitives from one search to the next.
+    #[schemars(range(min = 0.1, max = 0.95))]
+    pub delta_rate: f64,
+    /// Most searches after the first plan, each with shorter primitives.
+    #[schemars(range(max = 20))]
+    pub refinements: u32,
+    /// Distance that the robot keeps from all others beyond touching, in metres, where there is room for it.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub clearance_m: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            step_m: None,
+            alpha: 0.5,
+            weight: None,
+            delta_rate: 0.6,
+            refinements: 2,
+            clearance_m: CLEARANCE_M,
+        }
+    }
+}
+
+/// Most searches without a plan.
+const MOST_ROUNDS: u32 = 12;
+
+impl Method for Options {
+    const ID: &'static str = "db-astar";
+    const NAME: &'static str = "db-A*";
+    const ABOUT: &'static str = "Anytime: one robot, A* over motion primitives that join exactly, with exact connections \
+         to the goal, and again with shorter primitives (db-A*: Hönig, Ortiz-Haro, Toussaint, IROS 2022). Discs and convex \
+         polygons; obstacles may move.";
+    const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
+
+    fn clearance_m(&self) -> f64 {
+        self.clearance_m
+    }
+
+    fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
+        if team.len() > 1 {
+            return Err(Failure::new(
+                Status::Unsupported,
+                format!(
+                    "this planner is for one robot, not for {}; hint: db-cbs and db-lacam plan for teams",
+                    team.len()
+                ),
+            ));
+        }
+        if team.is_empty() {
+            return team.submit(call, &[]).map_err(|fault| wrong(&fault));
+        }
+        let field = field(team);
+        let mut stop = || call.stop();
+        let given = call.node_limit().unwrap_or(u64::MAX);
+        let mut limits = Limits {
+            nodes: given,
+            memory: (half_of_memory(call.budget) / NODE_BYTES) as usize,
+            stop: &mut stop,
+        };
+        let mut step_m = self.step_m.unwrap_or_else(|| first_step(team, 0));
+        let is_second = team.members[0].robot.is_second;
+        let mut weight = self.weight.unwrap_or(if is_second { 2.0 } else { 1.0 });
+        let (mut best, mut after, mut failure) = (f64::INFINITY, 0, None);
+        for round in 0..MOST_ROUNDS {
+            let grain = Grain {
+                step_m,
+                alpha: self.alpha,
+                weight,
+            };
+            let mut pathfinder = Pathfinder::new(team, 0, &field, grain);
+            if !pathfinder.is_free_at_start() {
+                failure = Some("the robot touches an obstacle at its start");
+                break;
+            }
+            let outcome = pathfinder.find(&[], (&[], 0.0), best, &mut limits);
+            if let Outcome::Found(way) = &outcome {
+                let seconds = way.course.seconds();
+                team.submit(call, &[way.course.clone()])
+                    .map_err(|fault| wrong(&fault))?;
+                if best.is_infinite() {
+                    call.metric("first_cost_s", seconds);
+                }
+                best = seconds;
+            }
+            after += u32::from(best.is_finite());
+            if after > self.refinements || matches!(outcome, Outcome::Stopped) || (limits.stop)() {
+                break;
+            }
+            call.metric("rounds", f64::from(round + 1));
+            step_m *= self.delta_rate;
+            if best.is_finite() {
+                weight = f64::midpoint(weight, 1.0);
+            }
+        }
+        call.metric("nodes", (given - limits.nodes) as f64);
+        if best.is_finite() {
+            return Ok(());
+        }
+        if call.stop() {
+            return Err(Failure::new(
+                Status::TimedOut,
+                "the budget ended before a plan was found",
+            ));
+        }
+        let reason = failure.unwrap_or(
+            "no plan was found with the primitives and nodes that were allowed; hint: shorter primitives (step_m) fit \
+             narrower gaps",
+        );
+        Err(Failure::new(Status::GaveUp, reason))
+    }
+}
+
+/// A way that was searched is not valid after all.
+fn wrong(fault: &super::Fault) -> Failure {
+    Failure::new(
+        Status::GaveUp,
+        format!("the plan that was found is not valid: {fault:?}"),
+    )
+}
