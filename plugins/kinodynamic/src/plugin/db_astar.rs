@@ -6,6 +6,7 @@ use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::db_cbs::shorten;
 use super::{CLEARANCE_M, InStates, Method, Team};
 use crate::search::astar::{Grain, Limits, NODE_BYTES, Outcome, Pathfinder, field, first_step};
 
@@ -33,6 +34,8 @@ pub struct Options {
     /// Most searches after the first plan, each with shorter primitives.
     #[schemars(range(max = 20))]
     pub refinements: u32,
+    /// Trajectory optimisation makes plans shorter.
+    pub optimise: bool,
     /// Distance that the robot keeps from all others beyond touching, in metres, where there is room for it.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
@@ -46,6 +49,7 @@ impl Default for Options {
             weight: None,
             delta_rate: 0.6,
             refinements: 2,
+            optimise: true,
             clearance_m: CLEARANCE_M,
         }
     }
@@ -111,6 +115,10 @@ impl Method for Options {
                     call.metric("first_cost_s", seconds);
                 }
                 best = seconds;
+                if self.optimise && limits.nodes > 0 {
+                    let shorter = shorten(team, call, &[way.course.clone()]);
+                    best = shorter.map_or(best, |shorter| shorter[0].seconds());
+                }
             }
             after += u32::from(best.is_finite());
             if after > self.refinements || matches!(outcome, Outcome::Stopped) || (limits.stop)() {

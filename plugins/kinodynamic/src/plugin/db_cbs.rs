@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{CLEARANCE_M, InStates, Method, Team};
 use crate::course::Course;
+use crate::optimise::shortened;
 use crate::search::astar::{Grain, Limits, NODE_BYTES, Pathfinder, Way, field, first_step};
 use crate::search::cbs::{Effort, Ended, Search};
 
@@ -45,6 +46,8 @@ pub struct Options {
     /// Most nodes of one search of one robot.
     #[schemars(range(min = 1))]
     pub low_level_nodes: u64,
+    /// At last trajectory optimisation makes the plan shorter.
+    pub optimise: bool,
     /// Distance that robots keep from all others beyond touching, in metres, where there is room for it.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
@@ -61,6 +64,7 @@ impl Default for Options {
             window_s: 0.5,
             penalty_s: 0.5,
             low_level_nodes: 20_000,
+            optimise: true,
             clearance_m: CLEARANCE_M,
         }
     }
@@ -134,6 +138,9 @@ impl Method for Options {
                         // Checked before; a plan that fails is left out.
                         let _ = submit(team, call, ways);
                     });
+                    if self.optimise && limits.nodes > 0 {
+                        let _ = shorten(team, call, &courses(&ways));
+                    }
                     break;
                 }
                 Ended::NoWay(agent) => {
@@ -172,9 +179,19 @@ fn cost(ways: &[Rc<Way>]) -> f64 {
     ways.iter().map(|way| way.course.seconds()).sum()
 }
 
+fn courses(ways: &[Rc<Way>]) -> Vec<Course> {
+    ways.iter().map(|way| way.course.clone()).collect()
+}
+
+/// A plan that ends sooner in sum, if trajectory optimisation finds one and it is valid; then it was submitted.
+pub(super) fn shorten(team: &Team<'_>, call: &Call<'_>, courses: &[Course]) -> Option<Vec<Course>> {
+    let (shorter, figures) = shortened(team, courses, &mut || call.stop());
+    call.metric("programs", figures.programs as f64);
+    shorter.filter(|shorter| team.submit(call, shorter).is_ok())
+}
+
 fn submit(team: &Team<'_>, call: &Call<'_>, ways: &[Rc<Way>]) -> Result<(), Failure> {
-    let courses: Vec<Course> = ways.iter().map(|way| way.course.clone()).collect();
-    team.submit(call, &courses).map_err(|fault| {
+    team.submit(call, &courses(ways)).map_err(|fault| {
         Failure::new(
             Status::GaveUp,
             format!("the plan that was found is not valid: {fault:?}"),

@@ -8,6 +8,7 @@ use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::db_cbs::shorten;
 use super::{CLEARANCE_M, InStates, Method, Team};
 use crate::search::astar::{
     Grain, Limits, NODE_BYTES, Pathfinder, Way, field, first_step, step_seconds,
@@ -37,6 +38,8 @@ pub struct Options {
     pub configurations: u64,
     /// Robots of the plan are planned anew, each among all others, until none gets sooner or the budget ends.
     pub improve: bool,
+    /// At last trajectory optimisation makes the plan shorter.
+    pub optimise: bool,
     /// Distance that robots keep from all others beyond touching, in metres, where there is room for it.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
@@ -50,6 +53,7 @@ impl Default for Options {
             delta_rate: 0.8,
             configurations: 500,
             improve: true,
+            optimise: true,
             clearance_m: CLEARANCE_M,
         }
     }
@@ -142,6 +146,10 @@ impl Method for Options {
                             let _ = team.submit(call, &courses);
                         });
                         left = limits.nodes;
+                    }
+                    if self.optimise && left > 0 {
+                        let courses: Vec<_> = ways.iter().map(|way| way.course.clone()).collect();
+                        let _ = shorten(team, call, &courses);
                     }
                     break;
                 }
