@@ -134,20 +134,24 @@ impl Primitives {
             travels.extend([[ahead, 0.0], [back, 0.0]]);
         }
         let [right, left] = robot.rates[2];
-        let mut turns = vec![0.0, left, right];
-        let mut part = 1.0;
-        while !robot.goes_sideways && left.max(-right) * self.step * part > COARSE_RAD / 2.0 {
-            part /= 2.0;
-            turns.extend([left * part, right * part]);
+        // Parts of the fastest turns.
+        let mut parts = vec![1.0];
+        while !robot.goes_sideways
+            && left.max(-right) * self.step * parts[parts.len() - 1] > COARSE_RAD / 2.0
+        {
+            parts.push(parts[parts.len() - 1] / 2.0);
         }
         let mut controls: Vec<Control> = Vec::new();
         for travel in travels {
-            for turn in &turns {
-                let control = [travel[0], travel[1], *turn];
-                let stands = travel == [0.0; 2];
-                // Turning on the spot by less is no use, nor is staying.
-                let extreme = *turn != 0.0 && (*turn == left || *turn == right);
-                if (!stands || extreme) && !controls.contains(&control) {
+            let stands = travel.iter().all(|rate| *rate == 0.0);
+            // Turning on the spot by less is no use, nor is staying.
+            let parts = &parts[..if stands { 1 } else { parts.len() }];
+            let turns = parts.iter().flat_map(|part| [left * part, right * part]);
+            let straight = (!stands).then_some(0.0);
+            for turn in straight.into_iter().chain(turns) {
+                let control = [travel[0], travel[1], turn];
+                let moves = control.iter().any(|rate| *rate != 0.0);
+                if moves && !controls.contains(&control) {
                     controls.push(control);
                 }
             }

@@ -109,14 +109,14 @@ impl Method for Options {
             let outcome = pathfinder.find(&[], (&[], 0.0), best, &mut limits);
             if let Outcome::Found(way) = &outcome {
                 let seconds = way.course.seconds();
-                team.submit(call, &[way.course.clone()])
+                team.submit(call, std::slice::from_ref(&way.course))
                     .map_err(|fault| wrong(&fault))?;
                 if best.is_infinite() {
                     call.metric("first_cost_s", seconds);
                 }
                 best = seconds;
                 if self.optimise && limits.nodes > 0 {
-                    let shorter = shorten(team, call, &[way.course.clone()]);
+                    let shorter = shorten(team, call, std::slice::from_ref(&way.course));
                     best = shorter.map_or(best, |shorter| shorter[0].seconds());
                 }
             }

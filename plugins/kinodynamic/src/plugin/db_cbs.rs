@@ -121,7 +121,11 @@ impl Method for Options {
                 };
                 Pathfinder::new(team, agent, &field, grain)
             };
-            let mut pathfinders: Vec<Pathfinder<'_>> = (0..team.len()).map(own).collect();
+            let agents = (0..team.len()).take_while(|_| !call.stop());
+            let mut pathfinders: Vec<Pathfinder<'_>> = agents.map(own).collect();
+            if pathfinders.len() < team.len() {
+                break;
+            }
             if let Some(agent) = pathfinders.iter().position(|own| !own.is_free_at_start()) {
                 failure = Some(format!("agent {agent} touches an obstacle at its start"));
                 break;

@@ -100,7 +100,11 @@ impl Method for Options {
                 .map(|agent| step_seconds(&team.members[agent].robot, grain(agent).step_m));
             let step = steps.reduce(f64::min).unwrap_or(1.0);
             let own = |agent: usize| Pathfinder::in_steps(team, agent, &field, grain(agent), step);
-            let mut pathfinders: Vec<Pathfinder<'_>> = (0..team.len()).map(own).collect();
+            let agents = (0..team.len()).take_while(|_| !call.stop());
+            let mut pathfinders: Vec<Pathfinder<'_>> = agents.map(own).collect();
+            if pathfinders.len() < team.len() {
+                break;
+            }
             if let Some(agent) = pathfinders.iter().position(|own| !own.is_free_at_start()) {
                 failure = Some(format!("agent {agent} touches an obstacle at its start"));
                 break;

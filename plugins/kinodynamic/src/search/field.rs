@@ -5,6 +5,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::f32::consts::SQRT_2;
 use std::rc::Rc;
 
 use fleetyard_plugin_plane::Vector;
@@ -27,10 +28,10 @@ const STEPS: [(isize, isize, f32); 16] = [
     (0, 1, 1.0),
     (-1, 0, 1.0),
     (0, -1, 1.0),
-    (1, 1, 1.414_213_5),
-    (-1, 1, 1.414_213_5),
-    (1, -1, 1.414_213_5),
-    (-1, -1, 1.414_213_5),
+    (1, 1, SQRT_2),
+    (-1, 1, SQRT_2),
+    (1, -1, SQRT_2),
+    (-1, -1, SQRT_2),
     (2, 1, 2.236_068),
     (1, 2, 2.236_068),
     (-1, 2, 2.236_068),

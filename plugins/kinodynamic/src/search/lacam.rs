@@ -108,6 +108,9 @@ const LONG: f64 = 64.0;
 /// Most nodes of the search of a robot's way alone.
 const ALONE: u64 = 2000;
 
+/// Most of these ways that are known at a time.
+const MOST_ALONE: usize = 20_000;
+
 /// A robot without a way to its goal looks for one every so many steps.
 const RETHINK: usize = 4;
 
@@ -167,7 +170,7 @@ impl<'s, 'a> Search<'s, 'a> {
                 open.pop();
                 continue;
             };
-            let Some(next) = self.next(number, constraint) else {
+            let Some(next) = self.next(number, constraint, stop) else {
                 continue;
             };
             self.made += 1;
@@ -316,7 +319,13 @@ impl<'s, 'a> Search<'s, 'a> {
     }
 
     /// The way of a robot alone from a state, if it is found soon.
-    fn alone(&mut self, robot: usize, state: &State, time: f64) -> Option<Rc<Course>> {
+    fn alone(
+        &mut self,
+        robot: usize,
+        state: &State,
+        time: f64,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Rc<Course>> {
         let [place, heading, rates] = [state.at.x, state.at.y, state.heading].map(f64::to_bits);
         let own = state.rates.map(f64::to_bits);
         let key = (robot, [place, heading, rates, own[0], own[1], own[2]]);
@@ -326,7 +335,7 @@ impl<'s, 'a> Search<'s, 'a> {
         let mut limits = Limits {
             nodes: ALONE,
             memory: usize::MAX,
-            stop: &mut || false,
+            stop,
         };
         let none: (&[Avoid], (&[Avoid], f64)) = (&[], (&[], 0.0));
         let finder = &mut self.pathfinders[robot];
@@ -334,12 +343,21 @@ impl<'s, 'a> Search<'s, 'a> {
             Outcome::Found(way) => Some(Rc::new(way.course)),
             Outcome::Exhausted | Outcome::Stopped => None,
         };
+        if self.alone.len() >= MOST_ALONE {
+            self.alone.clear();
+        }
         self.alone.insert(key, found.clone());
         found
     }
 
     /// Courses of action that a robot may take next, and the way that it would go alone.
-    fn choices(&mut self, robot: usize, own: &Own, step: u32) -> (Choices, Option<Rc<Reference>>) {
+    fn choices(
+        &mut self,
+        robot: usize,
+        own: &Own,
+        step: u32,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> (Choices, Option<Rc<Reference>>) {
         let time = f64::from(step) * self.step;
         let mut choices: Vec<(f64, Rc<Action>)> = vec![(
             own.action.remaining + JITTER_S * 2.0,
@@ -354,18 +372,18 @@ impl<'s, 'a> Search<'s, 'a> {
         let mut ways = self.pathfinders[robot].connections(&own.state);
         // Who has begun to go to its goal goes on; others think again from time to time.
         let is_lost = own.action.remaining > 0.0 || time >= own.action.avoid.ends();
-        if is_lost && !own.is_there && (step as usize + robot).is_multiple_of(RETHINK) || step == 0
-        {
-            if let Some(course) = self.alone(robot, &own.state, time) {
-                let track = course.track(&self.team.members[robot].robot);
-                let steps = (2.0 * track.seconds() / self.step).ceil().max(1.0);
-                let on = (0..=steps as u32).map(|step| {
-                    let time = track.seconds() * (f64::from(step) / steps);
-                    (track.at(time), track.seconds() - time)
-                });
-                reference = Some(Rc::new(on.collect()));
-                ways.push(course.segments.clone());
-            }
+        let is_turn = (step as usize + robot).is_multiple_of(RETHINK);
+        let thinks = step == 0 || (is_lost && !own.is_there && is_turn);
+        let alone = thinks.then(|| self.alone(robot, &own.state, time, stop));
+        if let Some(course) = alone.flatten() {
+            let track = course.track(&self.team.members[robot].robot);
+            let steps = (2.0 * track.seconds() / self.step).ceil().max(1.0);
+            let on = (0..=steps as u32).map(|step| {
+                let time = track.seconds() * (f64::from(step) / steps);
+                (track.at(time), track.seconds() - time)
+            });
+            reference = Some(Rc::new(on.collect()));
+            ways.push(course.segments.clone());
         }
         for segments in ways {
             let seconds: f64 = segments.iter().map(|segment| segment.seconds).sum();
@@ -414,13 +432,18 @@ impl<'s, 'a> Search<'s, 'a> {
     }
 
     /// The configuration after one, or none where the constraint leads to none.
-    fn next(&mut self, number: usize, constraint: Constraint) -> Option<Vec<Own>> {
+    fn next(
+        &mut self,
+        number: usize,
+        constraint: Constraint,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Vec<Own>> {
         let node = &self.nodes[number];
         let time = f64::from(node.step) * self.step;
         let (robots, order) = (node.robots.clone(), node.order.clone());
         let step = node.step;
         let (choices, references): (Vec<Choices>, Vec<Option<Rc<Reference>>>) = (0..robots.len())
-            .map(|robot| self.choices(robot, &robots[robot], step))
+            .map(|robot| self.choices(robot, &robots[robot], step, stop))
             .unzip();
         let depth = constraint.len();
         if depth < order.len() && self.nodes[number].constraints.len() < MOST_CONSTRAINTS {
@@ -516,12 +539,7 @@ impl<'s, 'a> Search<'s, 'a> {
                 part
             });
             let mut segments: Vec<Segment> = steps.collect();
-            while segments.last().is_some_and(|last| {
-                last.control == [0.0; 3] && {
-                    let is_second = member.robot.is_second;
-                    !is_second || segments_end_at_rest(member, &segments)
-                }
-            }) {
+            while ends_at_rest(member, &segments) {
                 segments.pop();
             }
             Course {
@@ -563,14 +581,20 @@ impl<'s, 'a> Search<'s, 'a> {
     }
 }
 
-/// A course without its last segment, which changes nothing, ends at rest.
-fn segments_end_at_rest(member: &Member, segments: &[Segment]) -> bool {
-    let course = Course {
-        start: member.start,
-        segments: segments[..segments.len() - 1].to_vec(),
+/// The last segment is a rest.
+fn ends_at_rest(member: &Member, segments: &[Segment]) -> bool {
+    let Some((last, before)) = segments.split_last() else {
+        return false;
     };
-    let rates = course.end(&member.robot).rates;
-    rates.iter().all(|rate| rate.abs() < 1e-9)
+    let course = || Course {
+        start: member.start,
+        segments: before.to_vec(),
+    };
+    let still = || {
+        let rates = course().end(&member.robot).rates;
+        rates.iter().all(|rate| rate.abs() < 1e-9)
+    };
+    last.control.iter().all(|number| *number == 0.0) && (!member.robot.is_second || still())
 }
 
 /// The segments from a time on, for so long at most.
