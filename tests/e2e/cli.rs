@@ -477,6 +477,7 @@ fn plugins_are_listed_and_described() {
             "db-astar",
             "db-cbs",
             "db-lacam",
+            "k-cbs",
             "empty",
             "astar",
             "dijkstra",

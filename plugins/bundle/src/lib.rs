@@ -8,6 +8,7 @@ use fleetyard_plugin_kinodynamic::plugin::db_astar::DbAstar;
 use fleetyard_plugin_kinodynamic::plugin::db_cbs::DbCbs;
 use fleetyard_plugin_kinodynamic::plugin::db_lacam::DbLacam;
 use fleetyard_plugin_kinodynamic::plugin::hybrid_astar::HybridAstar;
+use fleetyard_plugin_kinodynamic::plugin::k_cbs::KCbs;
 use fleetyard_plugin_kinodynamic::plugin::rrt_star::RrtStar;
 use fleetyard_plugin_kinodynamic::plugin::sst::Sst;
 use fleetyard_plugin_mapf::plugin::{Epibt, Lacam, Pibt, Wppl};
@@ -54,6 +55,7 @@ fleetyard_abi::export! {
         DbAstar,
         DbCbs,
         DbLacam,
+        KCbs,
         empty::Empty,
         search::Astar,
         search::Dijkstra,

@@ -1,5 +1,7 @@
 //! Plans of robots with dynamics: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
 //! of tasks in the plane, with a goal tolerance in m and rad, and options as JSON. Prints a line for each plan, and figures; seconds are those of the
+//! Plans by random trees: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
+//! of tasks in the plane, or for `corridor`, `congested` or `empty` of K-CBS's authors, with a goal tolerance in m and rad, and options as JSON. Prints a line for each plan, and figures; seconds are those of the
 //! processor.
 
 #[path = "../../bundle/tests/it/kinodynamic/tasks.rs"]
@@ -14,6 +16,7 @@ use fleetyard_abi::{Budget, LogLevel, PlanRef, Request, monotonic_ns};
 use fleetyard_plugin_kinodynamic::plugin::db_astar::DbAstar;
 use fleetyard_plugin_kinodynamic::plugin::db_cbs::DbCbs;
 use fleetyard_plugin_kinodynamic::plugin::db_lacam::DbLacam;
+use fleetyard_plugin_kinodynamic::plugin::k_cbs::KCbs;
 use fleetyard_plugin_kinodynamic::plugin::rrt_star::RrtStar;
 use fleetyard_plugin_kinodynamic::plugin::sst::Sst;
 
@@ -85,13 +88,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let number = |at: usize, default| rest.get(at).map_or(Ok(default), |word| word.parse());
     let (count, seconds, seed) = (number(0, 1.0)?, number(1, 2.0)?, number(2, 1.0)?);
-    let problem = tasks::Problem::read(file.as_ref(), count as usize)?.within(number(3, 1e-6)?);
+    let problem = match tasks::Problem::of_k_cbs(file) {
+        Some(problem) => problem,
+        None => tasks::Problem::read(file.as_ref(), count as usize)?.within(number(3, 1e-6)?),
+    };
     let options = rest.get(4).map_or("{}", String::as_str);
     match &**planner {
         "db-astar" => plan::<DbAstar>(&problem, seconds, seed as u64, options),
         "db-cbs" => plan::<DbCbs>(&problem, seconds, seed as u64, options),
         "db-lacam" => plan::<DbLacam>(&problem, seconds, seed as u64, options),
         "rrt-star" => plan::<RrtStar>(&problem, seconds, seed as u64, options),
+        "k-cbs" => plan::<KCbs>(&problem, seconds, seed as u64, options),
         "sst" => plan::<Sst>(&problem, seconds, seed as u64, options),
         other => Err(format!("there is no planner `{other}` here").into()),
     }

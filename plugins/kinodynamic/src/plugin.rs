@@ -25,6 +25,7 @@ pub mod db_astar;
 pub mod db_cbs;
 pub mod db_lacam;
 pub mod hybrid_astar;
+pub mod k_cbs;
 pub mod rrt_star;
 pub mod sst;
 

@@ -1,5 +1,7 @@
 //! Controls drawn at random, and where they lead among what stands and what moves.
 
+use std::rc::Rc;
+
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::bins::Rectangle;
 use fleetyard_plugin_plane::obstacles::Obstacles;
@@ -16,6 +18,9 @@ use crate::steer::{brake, steer};
 /// Part of a body's radius by which a motion may be wide of its lines where nothing is near.
 const WIDE: f64 = 0.25;
 
+/// Part of the tolerances of a goal within which it is aimed at.
+const WITHIN: f64 = 0.999;
+
 /// A body that moves in a known way, and is to be kept clear of for some time.
 #[derive(Debug, Clone, Copy)]
 pub struct Moving<'a> {
@@ -28,7 +33,7 @@ pub struct Moving<'a> {
 }
 
 /// A robot that is driven by any controls.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Drive<'a> {
     /// The robot, with its task.
     pub member: &'a Member,
@@ -36,7 +41,7 @@ pub struct Drive<'a> {
     pub moving: Vec<Moving<'a>>,
     bounds: Rectangle,
     /// Obstacles as a disc sees them in which the body turns, a little larger.
-    wide: Obstacles,
+    wide: Rc<Obstacles>,
     margin: f64,
     /// Metres that count as much as a radian, and as much as a unit of each rate.
     lever: f64,
@@ -76,7 +81,11 @@ impl<'a> Drive<'a> {
             member,
             moving: moving.collect(),
             bounds: world.bounds,
-            wide: Obstacles::new(world.polygons.clone(), world.bounds, radius + margin),
+            wide: Rc::new(Obstacles::new(
+                world.polygons.clone(),
+                world.bounds,
+                radius + margin,
+            )),
             margin,
             lever,
             scales: [scale(0, 1.0), scale(1, 1.0), scale(2, lever)],
@@ -125,14 +134,20 @@ impl<'a> Drive<'a> {
         }
     }
 
-    /// The goal, with numbers at random that do not matter.
+    /// Any state that is near enough to the goal.
     pub fn goal(&self, random: &mut Random) -> State {
         let (goal, any) = (&self.member.goal, self.anywhere(random));
+        let mut beside = || {
+            let share = Vector::new(random.share(), random.share()) * 2.0 - Vector::repeat(1.0);
+            // What is driven there is rounded.
+            share * WITHIN / share.norm().max(1.0)
+        };
         let at = if goal.place_m.is_finite() {
-            goal.state.at
+            goal.state.at + beside() * goal.place_m
         } else {
             any.at
         };
+        let turn = beside().x * goal.heading_rad.min(std::f64::consts::PI);
         let rate = |axis: usize| {
             if goal.free.rates[axis] {
                 any.rates[axis]
@@ -145,7 +160,7 @@ impl<'a> Drive<'a> {
             heading: if goal.free.heading {
                 any.heading
             } else {
-                goal.state.heading
+                goal.state.heading + turn
             },
             rates: [0, 1, 2].map(rate),
         }
@@ -163,7 +178,7 @@ impl<'a> Drive<'a> {
     }
 
     /// Seconds after which a control makes rates exceed their limits.
-    fn until_limits(&self, state: &State, control: &Control) -> f64 {
+    pub fn until_limits(&self, state: &State, control: &Control) -> f64 {
         let robot = &self.member.robot;
         if !robot.is_second {
             return f64::INFINITY;
@@ -245,8 +260,8 @@ impl<'a> Drive<'a> {
         }
     }
 
-    /// Controls that stop the robot and lead it to its goal where nothing is in the way.
-    pub fn connection(&self, state: &State) -> Option<Vec<Segment>> {
+    /// Controls that stop the robot and lead it to a state near enough to its goal, where nothing is in the way.
+    pub fn connection(&self, state: &State, aim: &State) -> Option<Vec<Segment>> {
         let Member { robot, goal, .. } = self.member;
         let mut segments: Vec<Segment> = brake(robot, state).into_iter().collect();
         let halt = Course {
@@ -254,12 +269,7 @@ impl<'a> Drive<'a> {
             segments: segments.clone(),
         };
         let rest = halt.end(robot);
-        segments.extend(steer(
-            robot,
-            &rest.pose(),
-            &goal.state.pose(),
-            goal.free.heading,
-        )?);
+        segments.extend(steer(robot, &rest.pose(), &aim.pose(), goal.free.heading)?);
         let course = Course {
             start: *state,
             segments,

@@ -330,7 +330,8 @@ impl<'a> Sparse<'a> {
         if !self.options.connect || time + self.drive.bound(&state) >= self.best_seconds {
             return faster;
         }
-        let Some(segments) = self.drive.connection(&state) else {
+        let aim = self.drive.goal(&mut self.random);
+        let Some(segments) = self.drive.connection(&state, &aim) else {
             return faster;
         };
         let seconds: f64 = segments.iter().map(|segment| segment.seconds).sum();

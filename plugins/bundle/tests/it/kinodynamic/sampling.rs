@@ -1,5 +1,6 @@
 //! Planners by random trees.
 
+mod k_cbs;
 mod near;
 mod rrt_star;
 mod sst;

@@ -125,6 +125,84 @@ impl Problem {
         Ok(problem)
     }
 
+    /// Problems of K-CBS's authors (K-CBS-Demos: `Corridor10x10`, `Congested10x10`, `Empty32x32`), with unicycles of second
+    /// order in place of their cars. Bodies may be half a metre beyond the bounds, as there, and have to come within half a metre
+    /// of their goals.
+    pub(crate) fn of_k_cbs(name: &str) -> Option<Self> {
+        let square = |[x, y, length, width]: [f64; 4]| {
+            [
+                [x, y],
+                [x + length, y],
+                [x + length, y + width],
+                [x, y + width],
+            ]
+        };
+        let (side, body, boxes, tasks): (f64, _, &[[f64; 4]], &[[f64; 4]]) = match name {
+            "corridor" => (
+                10.0,
+                rectangle(1.0, 1.0),
+                &[[0.5, 2.0, 9.0, 0.5], [4.0, 5.0, 2.0, 2.0]],
+                &[
+                    [1.0, 0.5, 9.0, 0.5],
+                    [1.0, 3.5, 9.0, 9.0],
+                    [9.0, 0.5, 1.0, 0.5],
+                    [9.0, 3.5, 1.0, 9.0],
+                ],
+            ),
+            "congested" => (
+                10.0,
+                rectangle(1.0, 1.0),
+                &[
+                    [5.5, 1.25, 5.0, 1.0],
+                    [2.0, 8.0, 1.0, 1.0],
+                    [7.0, 6.0, 1.0, 2.0],
+                    [9.0, 9.0, 1.0, 1.0],
+                    [4.0, 4.0, 1.0, 1.0],
+                    [0.0, 0.0, 1.0, 1.0],
+                    [0.0, 5.5, 2.0, 1.0],
+                    [7.0, 2.25, 1.0, 1.0],
+                ],
+                &[
+                    [3.0, 0.5, 7.0, 0.5],
+                    [8.5, 0.5, 5.0, 2.5],
+                    [9.0, 7.0, 6.0, 7.0],
+                    [1.0, 8.0, 9.0, 3.0],
+                    [1.5, 4.5, 1.0, 8.0],
+                    [9.0, 3.0, 9.0, 6.0],
+                ],
+            ),
+            "empty" => (
+                32.0,
+                rectangle(0.7, 0.5),
+                &[],
+                &[
+                    [11.0, 6.0, 7.0, 18.0],
+                    [29.0, 9.0, 3.0, 5.0],
+                    [9.0, 1.0, 13.0, 21.0],
+                    [11.0, 16.0, 26.0, 15.0],
+                    [3.0, 26.0, 24.0, 26.0],
+                    [30.0, 28.0, 22.0, 18.0],
+                    [2.0, 12.0, 14.0, 30.0],
+                    [18.0, 12.0, 27.0, 3.0],
+                    [19.0, 21.0, 30.0, 22.0],
+                    [10.0, 22.0, 18.0, 4.0],
+                ],
+            ),
+            _ => return None,
+        };
+        let mut problem = Self::new(side, &[]).within(0.5);
+        problem.environment.obstacles = boxes.iter().map(|each| square(*each)).collect();
+        problem.environment.min_m = [-0.5; 2];
+        problem.environment.max_m = [side + 0.5; 2];
+        for [x, y, goal_x, goal_y] in tasks {
+            let dynamics = "fleetyard.unicycle-2/1";
+            let robot = robot(dynamics, body.clone(), &[1.0, 1.0], &[1.0, 1.0]);
+            let goal = [*goal_x, *goal_y, f64::NAN, f64::NAN, f64::NAN];
+            problem = problem.with(robot, &[*x, *y], &goal);
+        }
+        Some(problem)
+    }
+
     /// The environment.
     pub(crate) fn environment(&self) -> Environment {
         self.environment.clone().into()

@@ -62,7 +62,7 @@ fn plans_of_random_controls_become_shorter() {
 fn a_free_way_is_driven_at_once_and_a_goal_that_is_reached_is_kept() {
     let problem = Problem::new(6.0, &[]).with(single(0.3), &[1.0, 1.0], &[4.0, 5.0]);
     let answer = ask::<Sst>(&problem, "{}", 0);
-    assert!((answer.cost() - 5.0).abs() < 1e-9);
+    assert!((answer.cost() - 5.0).abs() < 1e-5);
     assert_eq!(answer.count("nodes"), 0);
     let there = Problem::new(6.0, &[]).with(single(0.3), &[1.0, 1.0], &[1.0, 1.0]);
     assert!(ask::<Sst>(&there, PAPER, 0).cost() < 1e-12);
