@@ -692,7 +692,12 @@ impl Driver<'_> {
                     y: state.y,
                     heading: to.heading.map(|_| state.heading),
                 };
-                aim = Some(between(now, to, model.gentle_share(distance, turns)));
+                let gentle = between(now, to, model.gentle_share(distance, turns));
+                // A body that rests nearer to it than its tolerance would go on to.
+                let rests = state.speed_m_per_s() == 0.0
+                    && state.omega == 0.0
+                    && model.has_arrived(state, &gentle.target());
+                aim = Some(if rests { to } else { gentle });
             }
         }
         if aim.is_none() && self.noise.has_slips() {

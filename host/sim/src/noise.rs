@@ -831,6 +831,40 @@ mod tests {
     }
 
     #[test]
+    fn slips_are_bounded_shares_of_the_motion() {
+        let disturbance = Disturbance {
+            seed: 7,
+            twist: "0.1,0.2".parse().expect("errors"),
+            ..Disturbance::default()
+        };
+        let noise = Noise::new(&disturbance, 0.1);
+        assert!(noise.has_slips() && disturbance.moves_agents());
+        let mut all = vec![Slip::default(); 3000];
+        noise.slips(4, 0, &mut all);
+        // Every agent has its own, whoever is asked with it.
+        let mut pieces = vec![Slip::default(); 3000];
+        for first in (0..3000).step_by(60) {
+            noise.slips(4, first, &mut pieces[first..first + 60]);
+        }
+        assert_eq!(all, pieces);
+        let errors: Vec<[f64; 3]> = all.iter().map(|slip| slip.of(3.0, -4.0, 0.5)).collect();
+        for (side, deviation) in [(0, 0.5), (1, 0.5), (2, 0.1 * 0.5 + 0.2 * 5.0)] {
+            let values: Vec<f64> = errors.iter().map(|error| error[side]).collect();
+            let (mean, std) = moments(&values);
+            assert!(mean.abs() < 0.1 * deviation, "{side}: {mean}");
+            assert!((std / deviation - 1.0).abs() < 0.1, "{side}: {std}");
+            assert!(
+                values
+                    .iter()
+                    .all(|value| value.abs() <= 3.0 * deviation * (1.0 + 1e-12))
+            );
+        }
+        // Whoever stands does not slip.
+        assert!(all.iter().all(|slip| slip.of(0.0, 0.0, 0.0) == [0.0; 3]));
+        assert!(!Noise::new(&Disturbance::default(), 0.1).has_slips());
+    }
+
+    #[test]
     fn text_and_json_give_back_what_they_were_given() {
         for text in [
             "none",
@@ -851,6 +885,8 @@ mod tests {
         assert_eq!(delay.to_string(), "gaussian:0.5s,0.2s");
         let velocity: VelocityNoise = "0.1,0.2".parse().expect("velocity noise");
         assert_eq!(velocity.to_string(), "0.1,0.2");
+        let twist: TwistNoise = "0.05,.02".parse().expect("errors");
+        assert_eq!(twist.to_string(), "0.05,0.02");
         let messages: Messages = "50ms,0.2s,0.05".parse().expect("messages");
         assert_eq!(messages.to_string(), "0.05s,0.2s,0.05");
         let empty: Disturbance = serde_json::from_str("{}").expect("nothing");
@@ -884,6 +920,10 @@ mod tests {
         }
         for text in ["", "0.1", "0.1,0", "-0.1,0.5", "0.1,2", "0.1s,0.2"] {
             let error = text.parse::<VelocityNoise>().expect_err(text);
+            assert!(error.hint().is_some(), "{text}: {error}");
+        }
+        for text in ["", "0.1", "0.4,0", "-0.1,0", "0.1,2", "0.1,0.1s", "nan,0"] {
+            let error = text.parse::<TwistNoise>().expect_err(text);
             assert!(error.hint().is_some(), "{text}: {error}");
         }
         for text in [
