@@ -1,8 +1,6 @@
 //! Plans of robots with dynamics: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
-//! of tasks in the plane, with a goal tolerance in m and rad, and options as JSON. Prints a line for each plan, and figures; seconds are those of the
-//! Plans by random trees: `sampling PLANNER TASKS [N [SECONDS [SEED [TOLERANCE [OPTIONS]]]]]` for the first N robots of a file
-//! of tasks in the plane, or for `corridor`, `congested` or `empty` of K-CBS's authors, with a goal tolerance in m and rad, and options as JSON. Prints a line for each plan, and figures; seconds are those of the
-//! processor.
+//! of tasks in the plane, or for `corridor`, `congested` or `empty` of K-CBS's authors, with a goal tolerance in m and rad, and
+//! options as JSON. Prints a line for each plan, and figures; seconds are those of the processor.
 
 #[path = "../../bundle/tests/it/kinodynamic/tasks.rs"]
 mod tasks;
