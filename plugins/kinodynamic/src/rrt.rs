@@ -5,6 +5,7 @@
 //! - [`barred`]: what it has to keep clear of, and when;
 //! - [`tree`]: a tree in place, heading and time;
 //! - [`way`]: the ways that come of it, and shortcuts;
+//! - [`blend`]: two motions in one, without a stop between them;
 //! - [`overlap`]: the point that a constraint names;
 //! - [`search`]: the conflict tree.
 //!
@@ -20,6 +21,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub mod barred;
+pub mod blend;
 pub mod edge;
 pub mod overlap;
 pub mod search;
@@ -52,13 +54,15 @@ pub struct Options {
     /// Attempts to shorten each way.
     #[schemars(range(max = 1_000_000))]
     pub shortcuts: u32,
+    /// A robot with limits of acceleration that goes in all directions does not stop where it need not.
+    pub blend: bool,
     /// Nodes of the conflict tree after which the search begins anew with other ways.
     #[schemars(range(min = 1))]
     pub restart_nodes: u64,
     /// Most beginnings.
     #[schemars(range(min = 1))]
     pub restarts: u64,
-    /// Times that every robot of a plan is planned anew to make it shorter.
+    /// Times that every robot of a plan is planned anew to make it shorter, at most: a round without success is the last one.
     pub rounds: u32,
 }
 
@@ -70,12 +74,13 @@ impl Default for Options {
             avoid: true,
             samples: 3000,
             step_m: 2.0,
-            guide_bias: 0.4,
-            spread_m: 1.5,
-            shortcuts: 80,
+            guide_bias: 0.2,
+            spread_m: 3.0,
+            shortcuts: 200,
+            blend: true,
             restart_nodes: 100,
             restarts: 100,
-            rounds: 2,
+            rounds: 10,
         }
     }
 }

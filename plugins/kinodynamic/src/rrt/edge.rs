@@ -120,12 +120,16 @@ impl Walker {
     /// A motion from rest to rest that touches nothing that stands; none where it is not found to be clear, or does not move.
     /// A goal whose heading is open is reached with any.
     pub fn edge(&self, from: &State, to: &Pose, heading_free: bool) -> Option<Edge> {
-        let robot = &self.member.robot;
-        let segments = steer(robot, &from.pose(), to, heading_free)?;
-        let course = Course {
+        let segments = steer(&self.member.robot, &from.pose(), to, heading_free)?;
+        self.driven(Course {
             start: *from,
             segments,
-        };
+        })
+    }
+
+    /// A motion from rest to rest by controls, if it touches nothing that stands.
+    pub fn driven(&self, course: Course) -> Option<Edge> {
+        let robot = &self.member.robot;
         let seconds = course.seconds();
         if seconds <= 0.0 {
             return None;
@@ -134,13 +138,16 @@ impl Walker {
         let clear = track.legs().all(|leg| self.wide.is_clear(&leg))
             || (self.chord > CHORD && is_clear(&self.member.space, &course.track(robot)));
         clear.then(|| {
-            let (first, last) = (track.knots[0].pose.at, track.last().pose.at);
-            let knots = track.knots.iter();
-            let (low, high) = knots.fold((first, last), |(low, high), knot| {
-                (low.inf(&knot.pose.at), high.sup(&knot.pose.at))
-            });
+            let first = track.knots[0].pose.at;
+            let (low, high) = track
+                .knots
+                .iter()
+                .fold((first, first), |(low, high), knot| {
+                    (low.inf(&knot.pose.at), high.sup(&knot.pose.at))
+                });
             Edge {
-                reach: Rectangle::around(low.inf(&last), high.sup(&first), self.body.radius),
+                reach: Rectangle::around(low, high, self.body.radius),
+                start: course.start,
                 end: State {
                     rates: [0.0; 3],
                     ..course.end(robot)
@@ -216,6 +223,8 @@ pub struct Edge {
     pub segments: Vec<Segment>,
     /// Its track, from time zero on.
     pub track: Track,
+    /// The state that it begins in.
+    pub start: State,
     /// The state that it ends in.
     pub end: State,
     /// Its duration.
@@ -225,11 +234,6 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// The state that it begins in.
-    pub fn start(&self) -> Pose {
-        self.track.knots[0].pose
-    }
-
     /// Its track when it begins at that time.
     pub fn track_at(&self, departure: f64) -> Track {
         let mut track = self.track.clone();

@@ -21,7 +21,7 @@ use super::barred::{Barred, Constraint, Moving};
 use super::edge::Walker;
 use super::overlap::{common_area, common_point};
 use super::tree::Tree;
-use super::way::{Way, shorten};
+use super::way::{Way, blend, shorten};
 use crate::course::{Course, Track};
 use crate::plugin::Team;
 use crate::scene::clash;
@@ -371,6 +371,51 @@ impl<'a> Search<'a> {
         })
     }
 
+    fn barred(
+        &self,
+        agent: usize,
+        constraints: &[Constraint],
+        others: &[Rc<Moving>],
+    ) -> Barred<'a> {
+        let walkers: &'a [Walker] = self.walkers;
+        Barred {
+            body: &walkers[agent].body,
+            constraints: constraints.to_vec(),
+            moving: self.movers.iter().chain(others).cloned().collect(),
+        }
+    }
+
+    fn shorten(
+        &self,
+        agent: usize,
+        barred: &Barred<'_>,
+        way: &mut Way,
+        free: f64,
+        random: &mut Random,
+    ) {
+        let walker = &self.walkers[agent];
+        shorten(walker, barred, way, free, self.options.shortcuts, random);
+        if self.options.blend {
+            blend(walker, barred, way, free);
+        }
+    }
+
+    /// The same way made shorter among bodies.
+    fn shortened(&self, agent: usize, plan: &Plan, others: &[Rc<Moving>]) -> Option<Rc<Plan>> {
+        let walker = &self.walkers[agent];
+        let barred = self.barred(agent, &[], others);
+        let goal = &walker.member.goal;
+        let free = if goal.place_m.is_infinite() {
+            0.0
+        } else {
+            barred.free_from(&goal.state.pose())?
+        };
+        let mut way = plan.way.again(walker, &barred, free)?;
+        let mut random = Random::new(self.seed, self.effort.trees);
+        self.shorten(agent, &barred, &mut way, free, &mut random);
+        Some(Rc::new(self.plan(agent, way, plan.lines.clone())))
+    }
+
     /// A way of one robot that keeps its constraints and clear of bodies.
     fn low_level(
         &mut self,
@@ -381,11 +426,7 @@ impl<'a> Search<'a> {
         samples: u64,
     ) -> Option<Rc<Plan>> {
         let walker = &self.walkers[agent];
-        let barred = Barred {
-            body: &walker.body,
-            constraints: constraints.to_vec(),
-            moving: self.movers.iter().chain(others).cloned().collect(),
-        };
+        let barred = self.barred(agent, constraints, others);
         let mut random = Random::new(self.seed, self.effort.trees);
         self.effort.trees += 1;
         if self.left() == 0 {
@@ -399,14 +440,7 @@ impl<'a> Search<'a> {
         let grown = tree.grow(left, &mut random, &mut || !(self.stop)());
         self.effort.samples += grown.samples;
         let mut way = grown.way?;
-        shorten(
-            walker,
-            &barred,
-            &mut way,
-            grown.free,
-            self.options.shortcuts,
-            &mut random,
-        );
+        self.shorten(agent, &barred, &mut way, grown.free, &mut random);
         Some(Rc::new(self.plan(agent, way, grown.lines)))
     }
 
@@ -476,7 +510,13 @@ impl<'a> Search<'a> {
                 .filter(|(other, _)| *other != agent);
             let others: Vec<Rc<Moving>> = others.map(|(_, plan)| plan.moving.clone()).collect();
             let guide = self.guides[agent].clone();
-            let Some(plan) = self.low_level(agent, &[], &others, &guide, self.few()) else {
+            let again = self.shortened(agent, &plans[agent], &others);
+            let fresh = self.low_level(agent, &[], &others, &guide, self.few());
+            let found = again.into_iter().chain(fresh);
+            let sooner = |one: &Rc<Plan>, other: &Rc<Plan>| {
+                one.way.arrival().total_cmp(&other.way.arrival())
+            };
+            let Some(plan) = found.min_by(sooner) else {
                 continue;
             };
             if plan.way.arrival() >= plans[agent].way.arrival() - 1e-6 {

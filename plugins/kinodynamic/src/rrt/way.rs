@@ -8,6 +8,7 @@ use fleetyard_plugin_plane::sssp::bodies::{Pose, wrapped};
 use fleetyard_plugin_spacetime::random::Random;
 
 use super::barred::{Barred, Stay};
+use super::blend::blended;
 use super::edge::{Edge, Walker};
 use crate::course::{Course, Segment};
 use crate::robot::State;
@@ -69,6 +70,12 @@ impl Way {
     pub fn poses(&self, walker: &Walker) -> Vec<Pose> {
         let ends = self.edges.iter().map(|edge| edge.end.pose());
         std::iter::once(walker.root.pose()).chain(ends).collect()
+    }
+
+    /// The same motions among other bodies; none where they do not lead to a stay without end.
+    pub fn again(&self, walker: &Walker, barred: &Barred<'_>, free: f64) -> Option<Self> {
+        let root = barred.stay(&walker.root.pose(), self.stays[0].from)?;
+        Self::resting(root).timed(barred, 0, self.edges.clone(), free)
     }
 
     /// The same motions from the one with this number on, at the earliest departures that are found.
@@ -141,6 +148,23 @@ pub fn shorten(
         }
     }
     looks
+}
+
+/// Leaves out stops where limits allow it and the way becomes shorter by it. `free` as of [`shorten`].
+pub fn blend(walker: &Walker, barred: &Barred<'_>, way: &mut Way, free: f64) {
+    let mut joint = 0;
+    while joint + 1 < way.edges.len() {
+        let mut edges = way.edges.clone();
+        let both = blended(walker, &edges[joint], &edges[joint + 1]);
+        let next = both.and_then(|both| {
+            edges.splice(joint..joint + 2, [Rc::new(both)]);
+            way.timed(barred, joint, edges, free)
+        });
+        match next.filter(|next| next.is_better(way)) {
+            Some(next) => *way = next,
+            None => joint += 1,
+        }
+    }
 }
 
 /// Number of motions that are kept, of those that are replaced, and the poses that new ones lead to instead.
