@@ -1,95 +1,34 @@
 //! Conflict-based search over random trees: constraints, and plans of teams.
 
-use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
-
-use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin};
-use fleetyard_abi::{
-    Budget, Footprint, Mover, Plan, Robot, State as Numbers, Status, monotonic_ns,
-};
-use fleetyard_plugin_kinodynamic::course::{Course, Segment};
+use fleetyard_abi::{Footprint, Mover, Robot, State as Numbers, Status};
+use fleetyard_plugin_kinodynamic::course::Course;
 use fleetyard_plugin_kinodynamic::plugin::Team;
 use fleetyard_plugin_kinodynamic::plugin::cbs_rrt::CbsRrt;
 use fleetyard_plugin_kinodynamic::rrt::barred::{Barred, Constraint};
+use fleetyard_plugin_kinodynamic::rrt::blend::blended;
 use fleetyard_plugin_kinodynamic::rrt::edge::Walker;
 use fleetyard_plugin_kinodynamic::rrt::overlap::{common_area, common_point};
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::plugin::robots::world;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose, hits};
-use fleetyard_testkit::Notes;
 use proptest::prelude::*;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
+use super::sampling::{Answer, asked};
 use super::tasks::{Problem, rectangle, robot};
 
-/// An answer of the planner.
-struct Answer {
-    end: Result<(), Failure>,
-    plans: Vec<Vec<Course>>,
-    nodes: f64,
-}
-
-impl Answer {
-    fn status(&self) -> Option<Status> {
-        self.end.as_ref().err().map(|failure| failure.status)
-    }
-
-    fn arrivals(&self) -> Vec<f64> {
-        let last = self.plans.last().unwrap();
-        last.iter().map(Course::seconds).collect()
-    }
-}
-
-/// Plans, and asserts that all plans are plans, and each better than the one before.
 fn ask(problem: &Problem, options: &str, (nodes, seed): (u64, u64), cancelled: bool) -> Answer {
-    let environment = Arc::new(problem.environment());
-    let mut budget = Budget::lasting(monotonic_ns(), 60_000_000_000);
-    (budget.nodes, budget.seed) = (nodes, seed);
-    let notes = Notes::default();
-    notes.cancelled.store(cancelled, Ordering::Relaxed);
-    let mut planner = CbsRrt::create(Options::new(options)).unwrap();
-    let mut map = planner.prepare(&environment, &budget, &notes).unwrap();
-    let end = planner.plan(&mut map, &problem.instance, &budget, &notes);
-    let world = world(&environment).unwrap();
-    let mut plans: Vec<Vec<Course>> = Vec::new();
-    for plan in notes.others.lock().unwrap().iter() {
-        let Plan::Trajectories(plan) = plan else {
-            panic!("{plan:?}");
-        };
-        let controls = plan.controls().unwrap();
-        let team = Team::new(&world, &problem.instance, 0.0).unwrap();
-        let courses = team.members.iter().enumerate().map(|(agent, member)| {
-            let segments = controls.of(agent).map(|segment| {
-                let mut numbers = segment.control.iter().copied();
-                let mut any = |there| if there { numbers.next().unwrap() } else { 0.0 };
-                Segment {
-                    control: member.robot.axes().map(&mut any),
-                    seconds: segment.duration_s,
-                }
-            });
-            Course {
-                start: member.start,
-                segments: segments.collect(),
-            }
-        });
-        let courses: Vec<Course> = courses.collect();
-        assert_eq!(team.fault(&courses), None);
-        plans.push(courses);
-    }
-    let cost = |plan: &Vec<Course>| -> f64 { plan.iter().map(Course::seconds).sum() };
-    assert!(
-        plans
-            .iter()
-            .map(cost)
-            .is_sorted_by(|one, other| one > other)
-    );
-    assert_eq!(end.is_ok(), !plans.is_empty(), "{end:?}");
-    let figures = notes.figures.lock().unwrap();
-    let nodes = figures
-        .iter()
-        .find(|(name, _)| name == "nodes")
-        .map_or(0.0, |(_, value)| *value);
-    Answer { end, plans, nodes }
+    asked::<CbsRrt>(problem, options, nodes, seed, cancelled)
+}
+
+fn status(answer: &Answer) -> Option<Status> {
+    answer.end.as_ref().err().map(|failure| failure.status)
+}
+
+fn arrivals(answer: &Answer) -> Vec<f64> {
+    let last = answer.plans.last().unwrap();
+    last.iter().map(Course::seconds).collect()
 }
 
 fn planned(problem: &Problem) -> Answer {
@@ -141,6 +80,18 @@ fn quadrupeds_change_sides_through_a_door_and_again_the_same() {
     let answer = planned(&crossing());
     assert_eq!(answer.plans, planned(&crossing()).plans);
     assert_ne!(answer.plans, ask(&crossing(), "{}", (0, 2), false).plans);
+}
+
+/// Round a corner it slows down at most.
+#[test]
+fn a_quadruped_does_not_stop_where_it_need_not() {
+    let wall: &[&[[f64; 2]]] = &[&[[3.0, 0.0], [5.0, 0.0], [5.0, 6.0], [3.0, 6.0]]];
+    let problem = Problem::new(8.0, wall).with(go2(), &[1.0, 1.0, 1.5], &[7.0, 1.0, -1.5]);
+    let [stopping, going] = ["false", "true"].map(|blend| {
+        let options = format!(r#"{{"blend": {blend}}}"#);
+        arrivals(&ask(&problem, &options, (0, 1), false))[0]
+    });
+    assert!(going < stopping - 0.3, "{going} {stopping}");
 }
 
 #[test]
@@ -212,12 +163,12 @@ fn robots_of_all_dynamics_plan_together() {
 #[test]
 fn a_robot_at_its_goal_stays_unless_somebody_has_to_pass() {
     let alone = Problem::new(8.0, &[]).with(go2(), &[2.0, 2.0, 1.0], &[2.0, 2.0, 1.0]);
-    assert_eq!(planned(&alone).arrivals(), [0.0]);
+    assert_eq!(arrivals(&planned(&alone)), [0.0]);
     // In the door, which the other one has to go through.
     let both = Problem::new(8.0, &DOOR)
         .with(go2(), &[4.0, 4.0, 1.57], &[4.0, 4.0, 1.57])
         .with(spot(), &[1.0, 4.0, 0.0], &[7.0, 4.0, 0.0]);
-    let arrivals = planned(&both).arrivals();
+    let arrivals = arrivals(&planned(&both));
     assert!(arrivals[0] > 2.0, "{arrivals:?}");
 }
 
@@ -230,7 +181,7 @@ fn a_robot_without_a_goal_makes_room() {
     problem.instance.goal_states = fleetyard_abi::Lists::default();
     problem.instance.goal_states.push([]);
     problem.instance.goal_states.push(goal);
-    let arrivals = planned(&problem).arrivals();
+    let arrivals = arrivals(&planned(&problem));
     assert!(arrivals[0] > 0.0 && arrivals[1] > 4.0, "{arrivals:?}");
 }
 
@@ -246,7 +197,7 @@ fn starts_and_goals_may_touch_others_and_walls() {
 #[test]
 fn movers_are_given_way() {
     let mut problem = Problem::new(8.0, &DOOR).with(go2(), &[1.0, 4.0, 0.0], &[7.0, 4.0, 0.0]);
-    let free = planned(&problem).arrivals()[0];
+    let free = arrivals(&planned(&problem))[0];
     problem.environment.movers.push(Mover {
         footprint: Footprint::disc(0.5),
         knots: vec![
@@ -256,7 +207,7 @@ fn movers_are_given_way() {
             [15.0, 2.0, 7.0, 0.0],
         ],
     });
-    let behind = planned(&problem).arrivals()[0];
+    let behind = arrivals(&planned(&problem))[0];
     assert!(free < 7.0 && behind > 12.0, "{free} {behind}");
 }
 
@@ -270,7 +221,7 @@ fn who_is_moving_brakes_first() {
     // It cannot.
     problem.instance.robots[0].control_limits[0] = [Some(0.0), Some(1.0)];
     let answer = ask(&problem, "{}", (0, 1), false);
-    assert_eq!(answer.status(), Some(Status::GaveUp), "{:?}", answer.end);
+    assert_eq!(status(&answer), Some(Status::GaveUp), "{:?}", answer.end);
 }
 
 #[test]
@@ -282,8 +233,8 @@ fn limits_may_be_missing_and_tolerances_zero() {
     let answer = ask(&problem.within(0.0), "{}", (200, 1), false);
     assert!(
         answer.end.is_ok()
-            || answer.status() == Some(Status::TimedOut)
-            || answer.status() == Some(Status::GaveUp)
+            || status(&answer) == Some(Status::TimedOut)
+            || status(&answer) == Some(Status::GaveUp)
     );
 }
 
@@ -301,10 +252,10 @@ fn who_cannot_get_there_gives_up_and_says_who() {
 #[test]
 fn it_stops_when_told_and_at_the_limit() {
     let answer = ask(&crossing(), "{}", (0, 1), true);
-    assert_eq!(answer.status(), Some(Status::TimedOut));
+    assert_eq!(status(&answer), Some(Status::TimedOut));
     let answer = ask(&crossing(), "{}", (3, 1), false);
-    assert_eq!(answer.status(), Some(Status::TimedOut));
-    assert!(answer.nodes <= 3.0, "{}", answer.nodes);
+    assert_eq!(status(&answer), Some(Status::TimedOut));
+    assert!(answer.count("nodes") <= 3);
 }
 
 fn pose() -> impl Strategy<Value = Pose> {
@@ -337,6 +288,33 @@ proptest! {
             let dot = Body { radius: 1e-6, corners: Vec::new() };
             prop_assert!(hits(&a, &Leg::rest(one, 1.0), &dot, &at));
             prop_assert!(hits(&b, &Leg::rest(other, 1.0), &dot, &at));
+        }
+    }
+
+    #[test]
+    fn two_motions_in_one_end_where_both_did_and_sooner(one in pose(), two in pose(), three in pose()) {
+        let shift = |pose: Pose| Pose { at: pose.at + Vector::new(4.0, 4.0), ..pose };
+        let poses = [shift(one), shift(two), shift(three)];
+        let numbers = |pose: &Pose| [pose.at.x, pose.at.y, pose.heading];
+        let problem = Problem::new(8.0, &[]).with(anymal(), &numbers(&poses[0]), &numbers(&poses[2]));
+        let environment = Arc::new(problem.environment());
+        let world = world(&environment).unwrap();
+        let team = Team::new(&world, &problem.instance, 1e-3).unwrap();
+        let walkers: Vec<Walker> = Walker::team(&team).into_iter().flatten().collect();
+        let first = walkers[0].edge(&walkers[0].root, &poses[1], false).unwrap();
+        let second = walkers[0].edge(&first.end, &poses[2], false).unwrap();
+        let Some(both) = blended(&walkers[0], &first, &second) else {
+            return Ok(());
+        };
+        let course = Course { start: walkers[0].root, segments: both.segments.clone() };
+        prop_assert!(course.is_allowed(&team.members[0].robot) && team.members[0].goal.is_reached(&course.end(&team.members[0].robot)));
+        prop_assert!(both.seconds < first.seconds + second.seconds);
+        // And once more from where that ends.
+        let back = walkers[0].edge(&both.end, &poses[1], false).unwrap();
+        if let Some(all) = blended(&walkers[0], &both, &back) {
+            let course = Course { start: walkers[0].root, segments: all.segments.clone() };
+            let end = course.end(&team.members[0].robot);
+            prop_assert!((end.at - poses[1].at).norm() < 1e-9 && end.rates.iter().all(|rate| rate.abs() < 1e-9), "{end:?}");
         }
     }
 

@@ -18,10 +18,10 @@ use fleetyard_testkit::Notes;
 use super::tasks::{Problem, robot};
 
 /// An answer of a planner.
-struct Answer {
-    end: Result<(), Failure>,
+pub(super) struct Answer {
+    pub(super) end: Result<(), Failure>,
     /// The courses of all robots, of every plan.
-    plans: Vec<Vec<Course>>,
+    pub(super) plans: Vec<Vec<Course>>,
     figures: Vec<(String, f64)>,
 }
 
@@ -32,7 +32,7 @@ impl Answer {
         last.iter().map(Course::seconds).sum()
     }
 
-    fn count(&self, name: &str) -> u64 {
+    pub(super) fn count(&self, name: &str) -> u64 {
         let mut named = self.figures.iter().filter(|(known, _)| known == name);
         named.next_back().unwrap().1 as u64
     }
@@ -56,7 +56,7 @@ fn ask<P: Plugin + Planner>(problem: &Problem, options: &str, nodes: u64) -> Ans
     asked::<P>(problem, options, nodes, 1, false)
 }
 
-fn asked<P: Plugin + Planner>(
+pub(super) fn asked<P: Plugin + Planner>(
     problem: &Problem,
     options: &str,
     nodes: u64,
