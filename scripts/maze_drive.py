@@ -334,12 +334,11 @@ def print_tables(rows):
         for driver in DRIVERS:
             kept = [row for row in solved if row[f"{driver}_arrived"]]
             touched = sum(row[f"{driver}_contacts"] > 0 for row in solved)
-            cells += [f"{len(kept)}/{len(own)}", mean([row[f"{driver}_time_s"] for row in kept], 0), str(touched),
-                      mean([row[f"{driver}_off_max_m"] for row in solved], 3)]
+            cells += [mean([row[f"{driver}_time_s"] for row in kept], 0), str(touched)]
         lines.setdefault(tuple(cells), []).append((planner, mean([row["first_ms"] for row in solved], 1)))
-    heads = ["planner", "model", "solved", "length m", "by controls s", "margin m"]
-    heads += [f"{driver}: {what}" for driver in DRIVERS for what in ("arrived", "time s", "with contacts", "off m")]
-    print(f"| {' | '.join([heads[0], 'first plan ms', *heads[1:]])} |\n| --- | {' | '.join(['---:'] * len(heads))} |")
+    heads = ["planner", "model", "solved", "length, m", "by controls, s", "margin, m"]
+    heads += [f"{driver}{what}" for driver in DRIVERS for what in (", s", ": touching")]
+    print(f"| {' | '.join([heads[0], 'first plan, ms', *heads[1:]])} |\n| --- | {' | '.join(['---:'] * len(heads))} |")
     for cells, planners in lines.items():
         names = ", ".join(f"`{planner}`" for planner, _ in planners)
         times = sorted((float(time) for _, time in planners if time != "–"))
