@@ -16,6 +16,8 @@ pub mod matrix;
 pub mod quadratic;
 mod single;
 
+use fleetyard_plugin_plane::sssp::bodies::{Leg, together};
+
 use self::gap::{Shape, Walls};
 pub use self::guess::Guess;
 use self::guess::{SLOWEST, Steps};
@@ -112,7 +114,10 @@ pub fn optimise(
     stop: &mut dyn FnMut() -> bool,
 ) -> (Option<Vec<Course>>, Figures) {
     let mut both = guess.iter().zip(&team.members);
-    if guess.len() != team.len() || !both.all(|(guess, member)| guess.is_sound(&member.start)) {
+    if guess.len() != team.len()
+        || !both.all(|(guess, member)| guess.is_sound(&member.start))
+        || !starts_clear(team)
+    {
         return (None, Figures::default());
     }
     let begin: Vec<Course> = guess.iter().map(Guess::course).collect();
@@ -152,6 +157,18 @@ pub fn optimise(
         }
     }
     (rounds.best, rounds.figures)
+}
+
+/// Nothing touches a robot where it begins; otherwise there is no plan.
+fn starts_clear(team: &Team<'_>) -> bool {
+    let rest = |member: &Member| Leg::rest(member.start.pose(), 1.0);
+    team.members.iter().enumerate().all(|(agent, member)| {
+        let mut others = team.members[agent + 1..].iter();
+        let meets = |other: &Member| {
+            together(&member.body, &rest(member), &other.body, &rest(other)).is_some()
+        };
+        member.space.is_free(&member.start.pose()) && !others.any(meets)
+    })
 }
 
 /// Courses of a plan that end sooner in sum, and figures; no courses if none were found.
