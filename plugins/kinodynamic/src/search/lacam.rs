@@ -35,7 +35,12 @@ struct Action {
     avoid: Avoid,
     /// A bound of the time from its rest to the goal, in seconds.
     remaining: f64,
+    /// A way to the goal that goes on at its end: its controls, and the seconds of them before.
+    way: Option<Following>,
 }
+
+/// Controls that lead to the goal, and the seconds of them that were followed.
+type Following = (Rc<[Segment]>, f64);
 
 /// A robot in a configuration.
 #[derive(Debug, Clone)]
@@ -259,7 +264,37 @@ impl<'s, 'a> Search<'s, 'a> {
             levels,
             avoid: Avoid::new(body, Rc::new(track), begin, f64::INFINITY),
             remaining: self.remaining(robot, &rest, reference),
+            way: None,
         })
+    }
+
+    /// A step on a way to the goal, then rest; of a robot that cannot stop at once, the whole way.
+    fn follow(
+        &self,
+        robot: usize,
+        own: &Own,
+        time: f64,
+        (segments, before): Following,
+    ) -> Option<(f64, Rc<Action>)> {
+        let whole: f64 = segments.iter().map(|segment| segment.seconds).sum();
+        let left = whole - before;
+        if left > LONG * self.step || (left <= 0.0 && own.is_there) {
+            return None;
+        }
+        let (length, after) = if self.team.members[robot].robot.is_second {
+            (left, 0.0)
+        } else {
+            (self.step, (left - self.step).max(0.0))
+        };
+        let piece = part(&segments, before, length);
+        let action = self.action(robot, &own.state, time, (piece, Vec::new()), None)?;
+        let way = (after > 0.0).then_some((segments, before + length));
+        let action = Action {
+            remaining: after,
+            way,
+            ..action
+        };
+        Some((after * SURE, Rc::new(action)))
     }
 
     /// The robot at a time on its course of action.
@@ -368,38 +403,44 @@ impl<'s, 'a> Search<'s, 'a> {
             let choices = choices.into_iter().map(|(_, action)| action);
             return (choices.collect(), reference);
         };
-        let is_second = self.team.members[robot].robot.is_second;
-        let mut ways = self.pathfinders[robot].connections(&own.state);
-        // Who has begun to go to its goal goes on; others think again from time to time.
-        let is_lost = own.action.remaining > 0.0 || time >= own.action.avoid.ends();
+        let ended = time >= own.action.avoid.ends() - 1e-9;
+        let mut ways: Vec<Following> = own
+            .action
+            .way
+            .clone()
+            .filter(|_| ended)
+            .into_iter()
+            .collect();
+        // Who is on its way goes on; others think again from time to time.
+        let is_lost = ways.is_empty() && (own.action.remaining > 0.0 || ended);
         let is_turn = (step as usize + robot).is_multiple_of(RETHINK);
+        let finder = &self.pathfinders[robot];
+        let robot_of = &self.team.members[robot].robot;
+        let direct = finder
+            .connections(&own.state)
+            .into_iter()
+            .filter(|segments| {
+                let course = Course {
+                    start: own.state,
+                    segments: segments.clone(),
+                };
+                finder.is_clear(&course.track(robot_of).knots)
+            });
+        ways.extend(direct.map(|segments| (segments.into(), 0.0)));
         let thinks = step == 0 || (is_lost && !own.is_there && is_turn);
         let alone = thinks.then(|| self.alone(robot, &own.state, time, stop));
         if let Some(course) = alone.flatten() {
-            let track = course.track(&self.team.members[robot].robot);
+            let track = course.track(robot_of);
             let steps = (2.0 * track.seconds() / self.step).ceil().max(1.0);
             let on = (0..=steps as u32).map(|step| {
                 let time = track.seconds() * (f64::from(step) / steps);
                 (track.at(time), track.seconds() - time)
             });
             reference = Some(Rc::new(on.collect()));
-            ways.push(course.segments.clone());
+            ways.push((course.segments.clone().into(), 0.0));
         }
-        for segments in ways {
-            let seconds: f64 = segments.iter().map(|segment| segment.seconds).sum();
-            if seconds > LONG * self.step || (seconds == 0.0 && own.is_there) {
-                continue;
-            }
-            let course = (segments, Vec::new());
-            if let Some(action) = self.action(robot, &own.state, time, course, None) {
-                // Who has begun goes on, where rates are not free; else it may think again.
-                let after = if is_second {
-                    0.0
-                } else {
-                    (seconds - self.step).max(0.0) * SURE
-                };
-                choices.push((after, Rc::new(action)));
-            }
+        for way in ways {
+            choices.extend(self.follow(robot, own, time, way));
         }
         let set = self.pathfinders[robot].primitives().from(level);
         for primitive in set.iter() {
