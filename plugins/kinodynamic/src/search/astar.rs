@@ -34,8 +34,8 @@ pub struct Avoid {
     track: Rc<Track>,
     /// Its greatest speed, in m/s.
     speed: f64,
-    /// A circle that its origin does not leave.
-    around: (Vector, f64),
+    /// Circles that its origin does not leave, one for each [`WINDOW_S`] from time zero on.
+    windows: Windows,
     /// The first time that counts, in seconds.
     pub from: f64,
     /// The time from which on it does not count any more.
@@ -50,7 +50,7 @@ impl Avoid {
             .map(|leg| (leg.to.at - leg.from.at).norm() / leg.duration);
         Self {
             speed: speeds.fold(0.0, f64::max),
-            around: circle(&track.knots),
+            windows: Windows::new(&track),
             body: Rc::new(body),
             track,
             from,
@@ -75,16 +75,35 @@ impl Avoid {
 
     /// Both touch at a time or later.
     pub fn touches_after(&self, other: &Self, time: f64) -> bool {
-        let distance = (self.around.0 - other.around.0).norm();
-        let reach = self.around.1 + other.around.1 + self.body.radius + other.body.radius;
-        distance <= reach
-            && clash(
-                (&self.body, &self.track),
-                (&other.body, &other.track),
-                time,
-                f64::INFINITY,
-            )
-            .is_some()
+        let own = (&*self.body, &*self.track, &self.windows);
+        other.meets(own, time, f64::INFINITY)
+    }
+
+    /// It is touched by a body between two times.
+    fn meets(
+        &self,
+        (body, track, windows): (&Body, &Track, &Windows),
+        from: f64,
+        until: f64,
+    ) -> bool {
+        let reach = body.radius + self.body.radius;
+        let last = self.windows.last().max(windows.last());
+        let mut window = (from / WINDOW_S) as usize;
+        let mut begin = from;
+        while begin < until {
+            let end = if window > last {
+                until
+            } else {
+                until.min((window + 1) as f64 * WINDOW_S)
+            };
+            let (one, other) = (windows.at(window), self.windows.at(window));
+            let is_near = (one.0 - other.0).norm() <= one.1 + other.1 + reach;
+            if is_near && clash((body, track), (&self.body, &self.track), begin, end).is_some() {
+                return true;
+            }
+            (window, begin) = (window + 1, end);
+        }
+        false
     }
 
     /// The time from which on nothing changes about it.
@@ -107,13 +126,66 @@ impl Avoid {
         distance > body.radius + self.body.radius + reach + way
     }
 
-    /// The first time at which a body touches it; the track begins at its first knot.
-    fn touches(&self, body: &Body, track: &Track, until: f64) -> Option<f64> {
+    /// It is touched by a body on its way, which begins at its first knot.
+    fn touches(&self, body: &Body, track: &Track, windows: &Windows, until: f64) -> bool {
         let from = track.knots[0].time.max(self.from);
-        let until = until.min(self.until);
-        (from < until)
-            .then(|| clash((body, track), (&self.body, &self.track), from, until))
-            .flatten()
+        self.meets((body, track, windows), from, until.min(self.until))
+    }
+}
+
+/// A motion in windows of time.
+#[derive(Debug, Clone)]
+struct Windows {
+    /// The number of the first one.
+    first: usize,
+    /// Centres and radii.
+    circles: Vec<(Vector, f64)>,
+}
+
+/// Seconds of a window.
+const WINDOW_S: f64 = 1.0;
+
+/// Most windows of a motion; it may be anywhere after them.
+const MOST_WINDOWS: usize = 4096;
+
+impl Windows {
+    fn new(track: &Track) -> Self {
+        let number = |time: f64| (time / WINDOW_S) as usize;
+        let begin = track.knots[0].time;
+        let (first, last) = (number(begin), number(track.seconds()));
+        let mut knot = 0;
+        let circles = (first..=last).take(MOST_WINDOWS).map(|window| {
+            let (from, until) = (window as f64 * WINDOW_S, (window + 1) as f64 * WINDOW_S);
+            let (from, until) = (from.max(begin), until.min(track.seconds()));
+            let ends = [from, until].map(|time| Knot {
+                time,
+                pose: track.at(time),
+            });
+            while track.knots[knot].time < from {
+                knot += 1;
+            }
+            let within = track.knots[knot..].iter();
+            let within = within.take_while(|knot| knot.time <= until).copied();
+            circle(&ends.into_iter().chain(within).collect::<Vec<_>>())
+        });
+        let mut circles: Vec<(Vector, f64)> = circles.collect();
+        if last - first >= MOST_WINDOWS {
+            circles.push((Vector::zeros(), f64::INFINITY));
+        } else {
+            circles.push((track.last().pose.at, 0.0));
+        }
+        Self { first, circles }
+    }
+
+    /// The last window in which it moves.
+    fn last(&self) -> usize {
+        self.first + self.circles.len() - 1
+    }
+
+    /// The circle of a window, and of all after the last one.
+    fn at(&self, window: usize) -> (Vector, f64) {
+        let number = window.saturating_sub(self.first);
+        self.circles[number.min(self.circles.len() - 1)]
     }
 }
 
@@ -322,6 +394,12 @@ impl<'a> Pathfinder<'a> {
         self.member.space.is_free(&self.member.start.pose())
     }
 
+    /// A bound from below of the time from the start to the goal, in seconds.
+    pub fn least_seconds(&self) -> f64 {
+        let start = &self.member.start;
+        self.remaining.seconds(&start.pose(), &start.rates)
+    }
+
     /// Its primitives.
     pub fn primitives(&mut self) -> &mut Primitives {
         &mut self.primitives
@@ -340,8 +418,9 @@ impl<'a> Pathfinder<'a> {
     /// A motion touches an obstacle that moves, before `until`.
     pub fn meets_mover(&self, track: &Track, until: f64) -> bool {
         let body = &self.member.body;
+        let windows = Windows::new(track);
         let mut movers = self.movers.iter();
-        movers.any(|mover| mover.touches(body, track, until).is_some())
+        movers.any(|mover| mover.touches(body, track, &windows, until))
     }
 
     /// A bound of the seconds from rest in a pose to another one, where nothing is in the way.
@@ -615,7 +694,8 @@ impl Search<'_, '_> {
     /// Others that a motion touches, of those that it may touch; none if it touches one that it may not.
     fn touched(&self, track: &Track, until: f64) -> Option<usize> {
         let body = &self.own.member.body;
-        let touches = |avoid: &Avoid| avoid.touches(body, track, until).is_some();
+        let windows = Windows::new(track);
+        let touches = |avoid: &Avoid| avoid.touches(body, track, &windows, until);
         let free = !self.hard.iter().any(touches);
         free.then(|| self.soft.iter().filter(|avoid| touches(avoid)).count())
     }

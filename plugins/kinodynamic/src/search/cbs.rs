@@ -263,9 +263,17 @@ impl<'s, 'a> Search<'s, 'a> {
         limits: &mut Limits<'_>,
         mut better: impl FnMut(&[Rc<Way>]),
     ) {
-        let mut unchanged = 0;
-        let mut robot = 0;
+        // Those that lose most go first.
+        let mut order: Vec<usize> = (0..ways.len()).collect();
+        let (mut unchanged, mut turn) = (0, 0);
         while unchanged < ways.len() && limits.nodes > 0 && !(limits.stop)() {
+            if turn % ways.len() == 0 {
+                let loss = |robot: usize| {
+                    ways[robot].course.seconds() - self.pathfinders[robot].least_seconds()
+                };
+                order.sort_by(|one, other| loss(*other).total_cmp(&loss(*one)));
+            }
+            let robot = order[turn % ways.len()];
             let others: Vec<Avoid> = others(ways, robot)
                 .iter()
                 .map(|way| way.avoid.clone())
@@ -285,7 +293,7 @@ impl<'s, 'a> Search<'s, 'a> {
                 better(ways);
                 unchanged = 1;
             }
-            robot = (robot + 1) % ways.len();
+            turn += 1;
         }
     }
 }
