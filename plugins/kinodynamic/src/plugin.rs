@@ -2,6 +2,7 @@
 //!
 //! A planner is its options: a type that implements [`Method`] says what it is and how it plans. [`InStates`] makes the plugin of it.
 
+use std::fmt;
 use std::rc::Rc;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
@@ -77,7 +78,6 @@ pub struct Member {
     pub goal: Goal,
     /// Its body, with half of the distance that robots keep from each other.
     pub body: Body,
-    /// The obstacles at rest, as its body sees them with the distance that it keeps.
     /// Obstacles that stand, as its body sees them with the distance that it keeps.
     pub space: Rc<Space>,
 }
@@ -95,6 +95,30 @@ pub enum Fault {
     Pair([usize; 2], f64),
     /// This robot does not come to rest at its goal.
     Goal(usize),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Limits(agent) => write!(to, "agent {agent} exceeds its limits"),
+            Self::Wall(agent) => write!(to, "agent {agent} touches an obstacle"),
+            Self::Mover(agent) => write!(to, "agent {agent} touches an obstacle that moves"),
+            Self::Pair([one, other], time) => {
+                write!(to, "agents {one} and {other} touch at {time} s")
+            }
+            Self::Goal(agent) => write!(to, "agent {agent} does not come to rest at its goal"),
+        }
+    }
+}
+
+/// What a planner found, and its own check refuses, is not submitted.
+impl From<Fault> for Failure {
+    fn from(fault: Fault) -> Self {
+        Self::new(
+            Status::GaveUp,
+            format!("the plan that was found is none: {fault}"),
+        )
+    }
 }
 
 impl<'a> Team<'a> {

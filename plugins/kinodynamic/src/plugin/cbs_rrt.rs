@@ -41,12 +41,7 @@ impl Method for Options {
         let outcome = search.solve();
         let submit = |plans: &[Rc<Plan>]| {
             let courses: Vec<Course> = plans.iter().map(|plan| plan.course.clone()).collect();
-            team.submit(call, &courses).map_err(|fault| {
-                Failure::new(
-                    Status::GaveUp,
-                    format!("what was found is no plan: {fault:?}"),
-                )
-            })
+            team.submit(call, &courses)
         };
         let sum = |plans: &[Rc<Plan>]| plans.iter().map(|plan| plan.way.arrival()).sum::<f64>();
         let result = match outcome {

@@ -81,7 +81,7 @@ impl Method for Options {
             ));
         }
         if team.is_empty() {
-            return team.submit(call, &[]).map_err(|fault| wrong(&fault));
+            return Ok(team.submit(call, &[])?);
         }
         let field = field(team);
         let mut stop = || call.stop();
@@ -109,8 +109,7 @@ impl Method for Options {
             let outcome = pathfinder.find(&[], (&[], 0.0), best, &mut limits);
             if let Outcome::Found(way) = &outcome {
                 let seconds = way.course.seconds();
-                team.submit(call, std::slice::from_ref(&way.course))
-                    .map_err(|fault| wrong(&fault))?;
+                team.submit(call, std::slice::from_ref(&way.course))?;
                 if best.is_infinite() {
                     call.metric("first_cost_s", seconds);
                 }
@@ -146,12 +145,4 @@ impl Method for Options {
         );
         Err(Failure::new(Status::GaveUp, reason))
     }
-}
-
-/// A way that was searched is not valid after all.
-fn wrong(fault: &super::Fault) -> Failure {
-    Failure::new(
-        Status::GaveUp,
-        format!("the plan that was found is not valid: {fault:?}"),
-    )
 }

@@ -195,10 +195,5 @@ pub(super) fn shorten(team: &Team<'_>, call: &Call<'_>, courses: &[Course]) -> O
 }
 
 fn submit(team: &Team<'_>, call: &Call<'_>, ways: &[Rc<Way>]) -> Result<(), Failure> {
-    team.submit(call, &courses(ways)).map_err(|fault| {
-        Failure::new(
-            Status::GaveUp,
-            format!("the plan that was found is not valid: {fault:?}"),
-        )
-    })
+    Ok(team.submit(call, &courses(ways))?)
 }

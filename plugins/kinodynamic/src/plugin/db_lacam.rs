@@ -118,10 +118,7 @@ impl Method for Options {
             left = left.saturating_sub(search.made);
             match ended {
                 Ended::Found(courses) => {
-                    team.submit(call, &courses).map_err(|fault| {
-                        let reason = format!("the plan that was found is not valid: {fault:?}");
-                        Failure::new(Status::GaveUp, reason)
-                    })?;
+                    team.submit(call, &courses)?;
                     found = true;
                     let mut ways: Vec<Rc<Way>> = courses
                         .into_iter()

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::course::{CHORD, Course, Segment};
 use crate::hybrid::{Effort, Outcome, Query};
-use crate::plugin::{CLEARANCE_M, Fault, InStates, Member, Method, Team};
+use crate::plugin::{CLEARANCE_M, InStates, Member, Method, Team};
 use crate::scene::is_clear;
 use crate::steer::brake;
 
@@ -100,7 +100,7 @@ impl Method for Hybrid {
         let rests = member.start.rates.iter().all(|rate| *rate == 0.0);
         if rests && member.goal.is_reached(&member.start) {
             call.metric("expansions", 0.0);
-            return submitted(team.submit(call, &[Course::stay(member.start)]));
+            return Ok(team.submit(call, &[Course::stay(member.start)])?);
         }
         let Some(braked) = stopped(member) else {
             return failed(
@@ -138,7 +138,7 @@ impl Method for Hybrid {
                     start: member.start,
                     segments,
                 };
-                submitted(team.submit(call, &[course]))
+                Ok(team.submit(call, &[course])?)
             }
             Outcome::NoWay => failed(
                 Status::GaveUp,
@@ -163,12 +163,4 @@ fn stopped(member: &Member) -> Option<Course> {
     let end = course.end(&member.robot);
     let rests = end.rates.iter().all(|rate| rate.abs() < 1e-9);
     (rests && is_clear(&member.space, &course.track(&member.robot))).then_some(course)
-}
-
-/// A plan that its own check refuses is none.
-fn submitted(done: Result<(), Fault>) -> Result<(), Failure> {
-    done.map_err(|fault| {
-        let reason = format!("the way that was found is none: {fault:?}");
-        Failure::new(Status::GaveUp, reason)
-    })
 }

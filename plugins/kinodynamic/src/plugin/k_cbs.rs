@@ -47,10 +47,7 @@ impl Method for Options {
             };
             let seconds: f64 = courses.iter().map(Course::seconds).sum();
             if seconds < best {
-                team.submit(call, &courses).map_err(|fault| {
-                    let reason = format!("the courses that were found are no plan: {fault:?}");
-                    Failure::new(Status::GaveUp, reason)
-                })?;
+                team.submit(call, &courses)?;
                 if best.is_infinite() {
                     call.metric("first_cost_s", seconds);
                 }

@@ -156,9 +156,5 @@ pub(super) fn alone<'a>(team: &'a Team<'_>, hint: &str) -> Result<&'a Member, Fa
 
 /// Submits the course of a robot, which has to be a plan.
 pub(super) fn submitted(team: &Team<'_>, call: &Call<'_>, course: &Course) -> Result<(), Failure> {
-    let submitted = team.submit(call, std::slice::from_ref(course));
-    submitted.map_err(|fault| {
-        let reason = format!("the way that was found is no plan: {fault:?}");
-        Failure::new(Status::GaveUp, reason)
-    })
+    Ok(team.submit(call, std::slice::from_ref(course))?)
 }
