@@ -111,7 +111,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What a planner found, and its own check refuses, is not submitted.
+/// A plan that the planner itself refuses is not submitted.
 impl From<Fault> for Failure {
     fn from(fault: Fault) -> Self {
         Self::new(

@@ -171,7 +171,7 @@ impl Shape {
 }
 
 impl Gap {
-    /// How the distance grows with the place and the heading of a body whose origin is there.
+    /// Growth of the distance with the place and the heading of a body whose origin is there.
     pub fn growth(&self, origin: Vector) -> [f64; 3] {
         let arm = self.at - origin;
         [
@@ -182,7 +182,7 @@ impl Gap {
     }
 }
 
-/// What stands.
+/// Obstacles that stand.
 #[derive(Debug)]
 pub struct Walls {
     shapes: Vec<Shape>,

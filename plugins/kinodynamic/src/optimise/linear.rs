@@ -1,4 +1,4 @@
-//! Where a control leads, and how that changes with state, control and time.
+//! Steps: the state that a control leads to, and its derivatives by state, control and time.
 
 use fleetyard_plugin_plane::Vector;
 use nalgebra::Complex;

@@ -26,7 +26,7 @@ use crate::course::{Course, Track};
 use crate::plugin::{Member, Team};
 use crate::scene::clash;
 
-/// How much is tried.
+/// Bounds of the work.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Most rounds, in each of which every robot is improved once.

@@ -152,7 +152,7 @@ impl Inner {
         }
     }
 
-    /// Where the excess would have to be for complementarities of `target`.
+    /// The excess that complementarities of `target` ask for.
     fn aim(&self, target: f64) -> f64 {
         (target - self.corrections[0]) / self.multiplier
             - (target - self.corrections[1]) / self.rest
@@ -194,7 +194,7 @@ impl Inner {
     }
 }
 
-/// What Riccati's recursion knows of a stage.
+/// A stage of Riccati's recursion.
 #[derive(Debug, Clone)]
 struct Sweep<const N: usize, const M: usize> {
     /// Of the state's cost to go after the stage.

@@ -16,20 +16,20 @@ use crate::course::{Track, between};
 use crate::plugin::Member;
 use crate::robot::{Goal, State};
 
-/// What a robot has to keep clear of.
+/// The surroundings that a robot has to keep clear of.
 #[derive(Debug)]
 pub(super) struct Around<'a> {
-    /// What stands.
+    /// Obstacles that stand.
     pub(super) walls: &'a Walls,
     /// The robot's body beside walls.
     pub(super) body_at_walls: &'a Shape,
     /// The robot's body beside what moves.
     pub(super) body: &'a Shape,
-    /// What moves.
+    /// Bodies that move.
     pub(super) others: Vec<(&'a Shape, &'a Track)>,
 }
 
-/// How to solve.
+/// Parameters of a solution.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Effort {
     /// Distance to keep from all, in metres.
@@ -49,10 +49,10 @@ struct Contact {
     growth: [f64; 4],
 }
 
-/// What is broken, in units.
+/// Constraints that are broken, in units.
 struct Look<const N: usize, const M: usize> {
     steps: Vec<Step<N, M>>,
-    /// Where each step leads, less the state after it.
+    /// The state that each step leads to, less the state after it.
     defects: Vec<[f64; N]>,
     contacts: Vec<Contact>,
     /// The duration, and the price of all that is broken.
@@ -96,7 +96,7 @@ struct Single<'a> {
     goal: Goal,
 }
 
-/// What became of a guess.
+/// The end of a guess.
 #[derive(Debug)]
 pub(super) struct Improved {
     /// Programs that were solved.
@@ -531,7 +531,7 @@ impl<'a> Single<'a> {
         look
     }
 
-    /// Where each step leads, less the state after it.
+    /// The state that each step leads to, less the state after it.
     fn defects<const N: usize, const M: usize>(
         &self,
         steps: &[Step<N, M>],
