@@ -6,10 +6,10 @@
 //! | paper | here |
 //! | --- | --- |
 //! | `V_active`, `V_inactive` | nodes that are in `active`, and others |
-//! | `Best_First_Selection_SST` | [`Sparse::select`] |
+//! | `Best_First_Selection_SST` | `Sparse::select` |
 //! | `MonteCarlo-Prop` | [`Drive::control`] |
-//! | `Is_Node_Locally_the_Best_SST` | [`Sparse::witness`] |
-//! | `Prune_Dominated_Nodes_SST` | [`Sparse::retire`] |
+//! | `Is_Node_Locally_the_Best_SST` | `Sparse::witness` |
+//! | `Prune_Dominated_Nodes_SST` | `Sparse::retire` |
 
 use fleetyard_plugin_spacetime::random::Random;
 use schemars::JsonSchema;
