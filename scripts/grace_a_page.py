@@ -214,6 +214,8 @@ def study_figure(trials, study):
                                 if (view, planner) in study.lines and (at := point(study.lines[view, planner], family))]
                       for planner in study.planners()} for family in FAMILIES}
     known = [at for family in FAMILIES for at in [*(at for _, _, at in dots[family]), *(at for line in lines[family].values() for _, at in line)]]
+    # Of trials that were disturbed no time is known.
+    known = known or [(100.0, 100.0)]
     left, top, wide, high, gap = 62, 46, 205, 200, 24
     low, most = (bound(math.log10(limit(at[0] for at in known))) for bound, limit in ((math.floor, min), (math.ceil, max)))
     highest = min(200, 10 * math.ceil(max(at[1] for at in known) / 10))

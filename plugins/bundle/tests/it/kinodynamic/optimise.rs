@@ -547,8 +547,8 @@ fn unicycles_of_the_data_find_plans_from_straight_motions() {
     let folder = Path::new(&data).join("continuous/plane-tasks");
     for (name, most) in [
         ("random-2-1", 11.0),
-        ("random-4-2", 31.0),
         ("swap-2-1", 15.5),
+        ("swap-4-1", 32.0),
         ("swap-8-1", 79.0),
     ] {
         let file = folder.join(format!("unicycle-{name}.tasks.json"));
