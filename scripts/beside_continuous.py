@@ -147,8 +147,8 @@ def in_plane(data, name):
     return Problem(name, (path.parent / tasks["world"]).resolve(), robot, agents)
 
 
-# db-CBS may miss goals by so much, and leads so far beside its own states.
-NEAR = {"goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02, "goal_tolerance_rate": 0.01, "dynamics_tolerance": 0.03}
+# db-CBS may miss goals by so much, and its steps of Euler lead so far beside its own states.
+NEAR = {"goal_tolerance_m": 0.01, "goal_tolerance_rad": 0.02, "goal_tolerance_rate": 0.01, "dynamics_tolerance": 0.06}
 # OMPL's trees ended within 0.2, metres and radians as a vector.
 WITHIN = {"goal_tolerance_m": 0.14, "goal_tolerance_rad": 0.14}
 
@@ -439,7 +439,7 @@ def teams(planner):
     return asked
 
 
-# With their first plan in place of the best of the budget.
+# Planners over motion primitives.
 DB_ASTAR, DB_CBS, DB_LACAM = "db-astar", "db-cbs", "db-lacam"
 
 
@@ -486,9 +486,9 @@ def db_lacam(bench, _):
 
 
 def others(bench, data):
-    """`k-cbs` and `cbs-rrt` with unicycles."""
+    """`k-cbs`, with one search as in the paper, and `cbs-rrt` with unicycles."""
     lines = []
-    for planner in ("k-cbs", "cbs-rrt"):
+    for planner in ("k-cbs rounds=1", "cbs-rrt"):
         for kind, team in [("swap", 2), ("random", 2), ("swap", 4), ("random", 4), ("swap", 8), ("random", 8)]:
             problems = [in_states(data, name) for name in wanted(bench.arguments, unicycles(kind, [team]))]
             rows = [bench.run(planner, problem, team, seconds=30) for problem in problems]
