@@ -20,7 +20,6 @@ import argparse
 import csv
 import hashlib
 import heapq
-import io
 import json
 import os
 import pathlib
@@ -30,7 +29,8 @@ import sys
 
 sys.dont_write_bytecode = True
 
-from maze_drive import FIRST_SEED, ROOT, replace  # noqa: E402
+from experiment import ROOT, keep, replace  # noqa: E402
+from maze_drive import FIRST_SEED  # noqa: E402
 
 PLANNERS = ("astar", "d-star-lite", "d-star-lite keep_tree=true", "lpa-star", "lpa-star keep_tree=true")
 # Of the walls between two cells that a maze leaves.
@@ -54,11 +54,7 @@ def main():
     experiment = Experiment(arguments.out.resolve())
     rows = [experiment.done(size, FIRST_SEED + seed, planner) for size in arguments.sizes for seed in range(arguments.seeds)
             for planner in arguments.planner or PLANNERS]
-    file = io.StringIO()
-    writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    replace(arguments.rows, file.getvalue())
+    keep(arguments.rows, COLUMNS, rows)
     print_table(rows)
 
 

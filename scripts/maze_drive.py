@@ -19,7 +19,6 @@ the command. Standard library only.
 import argparse
 import csv
 import hashlib
-import io
 import json
 import math
 import os
@@ -28,7 +27,10 @@ import statistics
 import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.dont_write_bytecode = True
+
+from experiment import ROOT, keep, replace  # noqa: E402
+
 FIRST_SEED = 7
 BODY_M = (0.6, 0.4)
 FOOTPRINT = {"rectangle": {"length_m": BODY_M[0], "width_m": BODY_M[1]}}
@@ -66,19 +68,8 @@ def main():
     arguments = parser.parse_args()
     experiment = Experiment(arguments)
     rows = experiment.run()
-    file = io.StringIO()
-    writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    replace(arguments.rows, file.getvalue())
+    keep(arguments.rows, COLUMNS, rows)
     print_tables(rows)
-
-
-def replace(path, text):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
 
 
 class Maze:

@@ -23,7 +23,7 @@ use fleetyard_plugin_plane::prioritised::World;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose, Space, wrapped};
 
 use crate::course::{CHORD, Course, Segment};
-use crate::robot::{Goal, Robot, State, rotated};
+use crate::robot::{Goal, Robot, State};
 use crate::steer::{proportional, seconds_at_rates, seconds_lost, steer};
 
 /// Length of a move by the side of a bin: it leads into another one.
@@ -257,7 +257,7 @@ impl<'a> Search<'a> {
             // Who goes on in the same way does not stop.
             let lost = if node.by == by as u32 { 0.0 } else { own.lost };
             let seconds = node.seconds + own.seconds + lost;
-            let placed = |relative: &Pose| self.placed(&node.pose, relative);
+            let placed = |relative: &Pose| self.query.robot.placed(&node.pose, relative);
             let Some(pose) = own.way.last().map(placed) else {
                 continue;
             };
@@ -271,22 +271,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn placed(&self, from: &Pose, relative: &Pose) -> Pose {
-        let way = if self.query.robot.turns_axes {
-            rotated(relative.at, from.heading)
-        } else {
-            relative.at
-        };
-        Pose {
-            at: from.at + way,
-            heading: from.heading + relative.heading,
-        }
-    }
-
     fn is_clear(&self, from: &Pose, way: &[Pose]) -> bool {
         let mut last = *from;
         way.iter().all(|relative| {
-            let to = self.placed(from, relative);
+            let to = self.query.robot.placed(from, relative);
             let leg = Leg {
                 from: std::mem::replace(&mut last, to),
                 to,

@@ -261,6 +261,20 @@ impl Robot {
         }
     }
 
+    /// The pose after a motion from the origin with heading zero, begun in another pose.
+    #[must_use]
+    pub fn placed(&self, start: &Pose, motion: &Pose) -> Pose {
+        let way = if self.turns_axes {
+            rotated(motion.at, start.heading)
+        } else {
+            motion.at
+        };
+        Pose {
+            at: start.at + way,
+            heading: start.heading + motion.heading,
+        }
+    }
+
     /// The numbers of a control that the contract asks for.
     pub fn numbers(&self, control: &Control) -> Vec<f64> {
         let there = control.iter().zip(self.axes());

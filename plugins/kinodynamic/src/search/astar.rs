@@ -18,7 +18,7 @@ use std::rc::Rc;
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Pose, wrapped};
 
-use super::field::{Field, Remaining, Walls, Waypoint, placed};
+use super::field::{Field, Remaining, Walls, Waypoint};
 use crate::course::{Course, Knot, Segment, Track};
 use crate::curves::Curves;
 use crate::plugin::{Member, Team};
@@ -753,8 +753,7 @@ impl Search<'_, '_> {
         }
         let start = node.state.pose();
         let (centre, reach) = primitive.around;
-        let middle = placed(
-            robot,
+        let middle = robot.placed(
             &start,
             &Pose {
                 at: centre,
@@ -767,7 +766,7 @@ impl Search<'_, '_> {
         if !is_open || !all_far {
             let knots = primitive.knots.iter().map(|knot| Knot {
                 time: node.time + knot.time,
-                pose: placed(robot, &start, &knot.pose),
+                pose: robot.placed(&start, &knot.pose),
             });
             let track = Track {
                 knots: knots.collect(),

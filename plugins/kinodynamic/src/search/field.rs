@@ -16,7 +16,6 @@ use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose, Space, wrapped};
 
 use crate::course::{Knot, between};
 use crate::plugin::Member;
-use crate::robot::{Robot, rotated};
 
 /// Most cells along one side.
 const MOST_CELLS: f64 = 256.0;
@@ -501,18 +500,5 @@ impl Guide {
             let place = from + (to - from) * (f64::from(step) / steps);
             self.field.clearance(place).1 >= self.least
         })
-    }
-}
-
-/// The pose after a motion from the origin with heading zero, begun in another pose.
-pub fn placed(robot: &Robot, start: &Pose, motion: &Pose) -> Pose {
-    let way = if robot.turns_axes {
-        rotated(motion.at, start.heading)
-    } else {
-        motion.at
-    };
-    Pose {
-        at: start.at + way,
-        heading: start.heading + motion.heading,
     }
 }
