@@ -69,6 +69,19 @@ const MAY_USE: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "fleetyard-studio",
+        &[
+            "fleetyard-abi",
+            "fleetyard-check",
+            "fleetyard-core",
+            "fleetyard-runtime",
+            "fleetyard-sim",
+            "fleetyard-view",
+            "fleetyard-views",
+            "fleetyard-world",
+        ],
+    ),
+    (
         "fleetyard",
         &[
             "fleetyard-abi",
@@ -80,6 +93,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "fleetyard-plugins",
             "fleetyard-runtime",
             "fleetyard-sim",
+            "fleetyard-studio",
             "fleetyard-view",
             "fleetyard-views",
             "fleetyard-world",
@@ -90,6 +104,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 /// Heavy dependencies and their one home; a `*` stands for the rest of a name.
 const HOMES: &[(&str, &str)] = &[
     ("abi_stable", "fleetyard-abi"),
+    ("axum", "fleetyard-studio"),
     ("clap*", "fleetyard"),
     ("flate2", "fleetyard-bench"),
     ("geo", "fleetyard-world"),
@@ -100,6 +115,7 @@ const HOMES: &[(&str, &str)] = &[
     ("resvg", "fleetyard-view"),
     ("rusqlite", "fleetyard-bench"),
     ("tar", "fleetyard-bench"),
+    ("tokio", "fleetyard-studio"),
     ("zstd", "fleetyard-sim"),
 ];
 
