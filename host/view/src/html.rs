@@ -1,7 +1,7 @@
 //! An animated replay as one HTML page that needs no network and no other file.
 //!
-//! The page's own parts are `replay.html`, `replay.css` and `replay.js`; this module
-//! fills in what was recorded. Whatever names contain, they are text: they are
+//! The page's own parts are `replay.html`, `replay.css` and `replay.js` in `web/`, with the modules of
+//! the viewer; this module fills in what was recorded. Whatever names contain, they are text: they are
 //! escaped in HTML and in JSON, and the page's policy lets nothing be loaded.
 
 use std::collections::BTreeMap;
@@ -17,12 +17,16 @@ use crate::palette::{AGENTS, HEAT};
 use crate::shell::{Shell, embedded};
 use crate::svg::reach_m;
 use crate::track::{Quanta, Track, base64};
+use crate::web::joined;
 use crate::work::{Work, WorkMeta};
 use crate::world::{Cells, World, floor_exponent};
 
-const BODY: &str = include_str!("replay.html");
-const STYLE: &str = include_str!("replay.css");
-const SCRIPT: &str = include_str!("replay.js");
+const BODY: &str = include_str!("../web/replay.html");
+const STYLE: &str = concat!(
+    include_str!("../web/viewer.css"),
+    include_str!("../web/replay.css")
+);
+const SCRIPT: &str = include_str!("../web/replay.js");
 
 /// The most contacts that a page lists.
 const MAX_CONTACTS: usize = 10_000;
@@ -428,7 +432,7 @@ impl Page {
         let shell = Shell {
             title: &self.recording.title,
             style: STYLE,
-            script: &[SCRIPT],
+            script: &[&joined(SCRIPT)],
             body: BODY,
         };
         Ok(shell.page(&[("meta", &meta), ("tracks", &base64(&bytes))]))

@@ -22,6 +22,7 @@ mod shell;
 mod still;
 mod svg;
 mod track;
+mod web;
 mod work;
 mod world;
 
@@ -36,4 +37,5 @@ pub use shell::{Shell, embedded};
 pub use still::Still;
 pub use svg::{Body, Picture};
 pub use track::base64;
+pub use web::web;
 pub use world::{Cells, World};

@@ -1,12 +1,15 @@
 //! The shell of pages that are one file: the head with a policy that lets nothing be
-//! loaded, the colours of both themes, and the script. Style and body are the page's own.
+//! loaded, the colours of both themes, and the script, which is the only one that the policy lets run. Style
+//! and body are the page's own.
 
 use serde::Serialize;
+use sha2::{Digest as _, Sha256};
 
 use crate::element::escape;
+use crate::track::base64;
 
 const SHELL: &str = include_str!("shell.html");
-const STYLE: &str = include_str!("shell.css");
+const STYLE: &str = include_str!("../web/shell.css");
 
 /// A page without its content.
 #[derive(Debug, Clone, Copy)]
@@ -25,13 +28,15 @@ impl Shell<'_> {
     /// The page. Parts are HTML, with their names.
     pub fn page(&self, parts: &[(&str, &str)]) -> String {
         let size: usize = parts.iter().map(|(_, part)| part.len()).sum();
-        let script: usize = self.script.iter().map(|piece| piece.len()).sum();
-        let mut page = String::with_capacity(size + script + self.body.len() + 20_000);
+        let script = self.script.concat();
+        let digest = base64(&Sha256::digest(&script));
+        let mut page = String::with_capacity(size + script.len() + self.body.len() + 20_000);
         let title = escape(self.title);
         fill(&mut page, SHELL, &mut |page, name| match name {
             "title" => page.push_str(&title),
             "style" => page.extend([STYLE, self.style]),
-            "script" => page.extend(self.script.iter().copied()),
+            "script" => page.push_str(&script),
+            "digest" => page.push_str(&digest),
             "body" => fill(page, self.body, &mut |page, name| {
                 let part = parts.iter().find(|(known, _)| *known == name);
                 page.push_str(match (part, name) {

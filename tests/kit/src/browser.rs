@@ -65,12 +65,14 @@ pub fn selftest(browser: &str, folder: &Path, page: &Path, size: &str) -> String
 /// A page with a script that works it as a user would, in `harness.js`, which has what users
 /// need. Errors are collected from the beginning, in `pageErrors`, and the user comes last.
 pub fn with_user(page: &str, user: &str) -> String {
-    let collect = "<script>globalThis.pageErrors = [];\
+    let collect = "<script nonce='user'>globalThis.pageErrors = [];\
         addEventListener('error', (event) => pageErrors.push(event.message));\
         addEventListener('unhandledrejection', (event) => pageErrors.push(String(event.reason)));\
         console.error = (...all) => pageErrors.push(all.join(' '));</script>";
     let user = include_str!("harness.js").replacen("USER", user, 1);
+    // The page's own script runs if it is the one that the page's policy names, the user's because of this.
+    let page = page.replacen("script-src ", "script-src 'nonce-user' ", 1);
     let page = page.replacen("<style>", &format!("{collect}<style>"), 1);
     let (before, after) = page.rsplit_once("</body>").unwrap();
-    format!("{before}<script>\n{user}</script>\n</body>{after}")
+    format!("{before}<script nonce='user'>\n{user}</script>\n</body>{after}")
 }
