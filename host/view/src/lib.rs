@@ -10,14 +10,17 @@
 
 #![forbid(unsafe_code)]
 
+mod clip;
 mod element;
 mod error;
 mod fleet;
 mod glyph;
 mod html;
 mod layers;
+mod overview;
 mod palette;
 mod png;
+mod recording;
 mod shell;
 mod still;
 mod svg;
@@ -26,16 +29,19 @@ mod web;
 mod work;
 mod world;
 
+pub use clip::{Clip, MAX_CLIP_BYTES};
 pub use element::{BOX, Element, Short, Svg, escape, push_line};
 pub use error::ViewError;
 pub use fleet::FleetPicture;
 pub use fleetyard_sim::trace::Outline;
-pub use html::{Page, PageOptions, Recording};
+pub use html::{Page, PageOptions};
 pub use layers::Layers;
+pub use overview::{Meta, Overview};
 pub use png::{Difference, difference, png};
+pub use recording::Recording;
 pub use shell::{Shell, embedded};
 pub use still::Still;
 pub use svg::{Body, Picture};
 pub use track::base64;
-pub use web::web;
+pub use web::{joined, web};
 pub use world::{Cells, World};

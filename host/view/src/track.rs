@@ -15,6 +15,11 @@
 //! begins at sample 0 with all coordinates 0, so that its first knot holds the
 //! start. Tracks follow each other, each behind the number of its knots.
 
+use fleetyard_sim::trace::Outline;
+
+use crate::svg::reach_m;
+use crate::world::floor_exponent;
+
 /// A quantised pose: x, y, heading.
 type Pose = [i64; 3];
 
@@ -25,17 +30,50 @@ pub(crate) struct Quanta {
     pub(crate) angle_rad: f64,
 }
 
+/// A tenth of a degree.
+const ANGLE_RAD: f64 = std::f64::consts::PI / 1800.0;
+
 impl Quanta {
-    fn pose(self, x_m: f64, y_m: f64, heading_rad: f64) -> Pose {
-        // Casts saturate, and what is not a number becomes 0.
-        [
-            (x_m / self.length_m).round() as i64,
-            (y_m / self.length_m).round() as i64,
-            (heading_rad / self.angle_rad).round() as i64,
-        ]
-        // The page has 32 bits for each; nobody is 10^9 quanta away.
-        .map(|value| value.clamp(-1 << 30, 1 << 30))
+    /// Those that suit bodies of some outlines.
+    pub(crate) fn of(outlines: &[Outline]) -> Self {
+        let least = (outlines.iter().map(reach_m)).fold(f64::INFINITY, f64::min);
+        let exponent = floor_exponent(if least > 0.0 { least / 100.0 } else { 1e-3 });
+        Self {
+            length_m: 10f64.powi(exponent.min(1)),
+            angle_rad: ANGLE_RAD,
+        }
     }
+
+    fn pose(self, x_m: f64, y_m: f64, heading_rad: f64) -> Pose {
+        [
+            self.length(x_m),
+            self.length(y_m),
+            self.heading(heading_rad),
+        ]
+    }
+
+    /// A coordinate.
+    pub(crate) fn length(self, value_m: f64) -> i64 {
+        whole(value_m / self.length_m)
+    }
+
+    /// A heading.
+    pub(crate) fn heading(self, value_rad: f64) -> i64 {
+        whole(value_rad / self.angle_rad)
+    }
+
+    /// A heading up to whole turns: nobody turns by more than half of one from sample to sample.
+    pub(crate) fn heading_near(self, value_rad: f64, last: i64) -> i64 {
+        let turn = (std::f64::consts::TAU / self.angle_rad).round();
+        let now = self.heading(value_rad);
+        now + (((last - now) as f64 / turn).round() * turn) as i64
+    }
+}
+
+/// A number of quanta. The page has 32 bits for it; nobody is 10^9 quanta away.
+fn whole(value: f64) -> i64 {
+    // Casts saturate, and what is not a number becomes 0.
+    (value.round() as i64).clamp(-1 << 30, 1 << 30)
 }
 
 /// The track of one agent, as it grows.
@@ -79,11 +117,11 @@ impl Track {
         y_m: f64,
         heading_rad: f64,
     ) {
-        let mut pose = quanta.pose(x_m, y_m, heading_rad);
-        // Headings may jump by whole turns; nobody turns by more than half of one
-        // from sample to sample.
-        let turn = (std::f64::consts::TAU / quanta.angle_rad).round();
-        pose[2] += (((self.last.1[2] - pose[2]) as f64 / turn).round() * turn) as i64;
+        let pose = [
+            quanta.length(x_m),
+            quanta.length(y_m),
+            quanta.heading_near(heading_rad, self.last.1[2]),
+        ];
         if !self.is_seen_from_anchor(sample, pose) {
             self.knot();
         }
@@ -115,8 +153,7 @@ impl Track {
         number(&mut self.bytes, head);
         for (to, from) in pose.into_iter().zip(from) {
             if to != from {
-                let difference = to - from;
-                number(&mut self.bytes, (difference << 1 ^ difference >> 63) as u64);
+                difference(&mut self.bytes, to - from);
             }
         }
         self.knots += 1;
@@ -140,6 +177,11 @@ impl Track {
         out.extend(self.bytes);
         self.knots
     }
+}
+
+/// A difference as a number that is small where it is.
+pub(crate) fn difference(out: &mut Vec<u8>, value: i64) {
+    number(out, (value << 1 ^ value >> 63) as u64);
 }
 
 /// LEB128.

@@ -26,6 +26,7 @@ const FILES: &[(&str, &[u8], &str)] = files![
     "emitter.js" SCRIPT,
     "fleet.js" SCRIPT,
     "frames.js" SCRIPT,
+    "heat.js" SCRIPT,
     "map.js" SCRIPT,
     "motion.js" SCRIPT,
     "overlays.js" SCRIPT,
@@ -51,12 +52,16 @@ fn module(name: &str) -> &'static str {
     std::str::from_utf8(bytes).expect("modules are UTF-8")
 }
 
-/// A script that needs no other file: a main module and all that it imports, each as a function that returns what
-/// it exports.
+/// A script that needs no other file: a main module and all modules of the viewer that it imports, each as a function
+/// that returns what it exports.
 ///
 /// Modules that can be joined import by `import { a, b } from './NAME.js';` on one line, and declare what they
 /// export by `export` before `const`, `class`, `function` or `async function`.
-pub(crate) fn joined(main: &str) -> String {
+///
+/// # Panics
+///
+/// If a module imports or exports otherwise, or imports what is no module of the viewer.
+pub fn joined(main: &str) -> String {
     let mut script = String::from("'use strict';\n");
     let mut done = Vec::new();
     append(&mut script, &mut done, "main", main);

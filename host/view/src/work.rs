@@ -35,7 +35,7 @@ struct CallMeta(u64, Option<u64>, Option<By>, Option<f64>, Option<f64>);
 struct NoticeMeta(u64, String, String, String);
 
 /// The same for the page.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub(crate) struct WorkMeta<'a> {
     tick_s: f64,
     cols: u32,

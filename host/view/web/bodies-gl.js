@@ -8,6 +8,14 @@ import { pairs } from './fleet.js';
 
 const MOST_COLORS = 64;
 
+/** Devices that are the processor itself; not all browsers call that a caveat. */
+const SLOW = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
+function deviceOf(gl) {
+  const info = gl.getExtension('WEBGL_debug_renderer_info');
+  return String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+}
+
 const VERTEX = `#version 300 es
 precision highp float;
 layout(location = 0) in vec2 corner;
@@ -95,10 +103,17 @@ function discMesh(radius) {
 export class GlPainter {
   name = 'webgl2';
 
-  /** A painter, or null where there is no WebGL2. */
-  static on(canvas, fleet) {
-    const gl = canvas.getContext('webgl2', { alpha: true, antialias: false, depth: false, stencil: false, powerPreference: 'high-performance' });
+  /** A painter, or null where there is no WebGL2, or only one that is slow and nobody wants by name. */
+  static on(canvas, fleet, wanted) {
+    const gl = canvas.getContext('webgl2', {
+      alpha: true, antialias: false, depth: false, stencil: false, powerPreference: 'high-performance',
+      failIfMajorPerformanceCaveat: wanted !== 'webgl2',
+    });
     if (!gl || gl.isContextLost()) return null;
+    if (wanted !== 'webgl2' && SLOW.test(deviceOf(gl))) {
+      gl.getExtension('WEBGL_lose_context')?.loseContext();
+      return null;
+    }
     try {
       return new GlPainter(canvas, gl, fleet);
     } catch (error) {

@@ -113,4 +113,7 @@ export class PenPainter {
     }
     pen.putImageData(this.#image, 0, 0);
   }
+
+  /** As a painter that has something to give back. */
+  end() {}
 }

@@ -1,5 +1,5 @@
-// The layer of bodies. WebGL2 draws them where it is there, a pen where it is not or while the context is
-// lost; what can be seen is the same.
+// The layer of bodies. WebGL2 draws them where there is a graphics processor, a pen where there is none (which is
+// faster than WebGL by the processor) or while the context is lost; what can be seen is the same.
 //
 // A body has the colour of its number in `colors`, an edge and a tick for its heading where it is large
 // enough, and is a square of two pixels at least: a dot that can be seen is better than a true size
@@ -30,7 +30,7 @@ export class Bodies {
     /** For each body the number of its colour in the palette. */
     this.colors = new Uint8Array(fleet.bodies);
     this.#ends.push(onTheme(() => stage.invalidate()));
-    this.#begin(renderer);
+    this.#begin();
     stage.add(this);
   }
 
@@ -39,16 +39,14 @@ export class Bodies {
     return this.#painter.name;
   }
 
-  #begin(renderer) {
-    this.#painter?.end();
-    this.#painter = null;
+  #begin() {
     const canvas = () => {
       const { width, height, dpr } = this.stage;
       return make('canvas', { width: Math.round(width * dpr), height: Math.round(height * dpr) });
     };
-    if (renderer !== '2d') {
+    if (this.renderer !== '2d') {
       const own = canvas();
-      this.#painter = GlPainter.on(own, this.fleet);
+      this.#painter = GlPainter.on(own, this.fleet, this.renderer);
       own.addEventListener('webglcontextlost', (event) => {
         // Without this the context never comes back.
         event.preventDefault();
@@ -56,7 +54,7 @@ export class Bodies {
         this.#show(new PenPainter(canvas(), this.fleet));
       });
       own.addEventListener('webglcontextrestored', () => {
-        const painter = GlPainter.on(own, this.fleet);
+        const painter = this.#painter && GlPainter.on(own, this.fleet, this.renderer);
         if (painter) this.#show(painter);
       });
     }
@@ -76,8 +74,11 @@ export class Bodies {
   /** Takes the layer away. */
   end() {
     for (const end of this.#ends) end();
-    this.#painter.canvas.remove();
-    this.#painter.end();
+    const painter = this.#painter;
+    // Whatever becomes of its context is nobody's business any more.
+    this.#painter = null;
+    painter.canvas.remove();
+    painter.end();
     this.stage.remove(this);
   }
 

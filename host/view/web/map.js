@@ -54,6 +54,13 @@ export function edges(name, flat, color = () => theme.roadmap) {
   };
 }
 
+/** The cells over a recording: those of its map, else such as robots fill; never more than a million. */
+export function fieldOf({ bounds: [, , right, top], cells }, largest_m) {
+  const least = Math.sqrt(Math.max(right, 0) * Math.max(top, 0) / 1e6);
+  const side = Math.max(cells?.side ?? 2 * largest_m, cells ? 0 : least) || 1;
+  return { rows: cells?.rows ?? Math.ceil(Math.max(top, 0) / side), cols: Math.ceil(Math.max(right, 0) / side - 1e-6), side };
+}
+
 /** The layer of a map's cells: what a page's meta says of walls, endpoints and workstations. */
 export function cellMap({ cells, endpoints, workstations }) {
   const { rows, side } = cells, all = [endpoints, workstations, cells];

@@ -220,6 +220,17 @@ export class Tracks {
     if (state >= 0 && end_s > since) tell(since, end_s, state);
   }
 
+  /** Calls `visit(from, to, state, x0, y0, x1, y1)` from knot to knot of a body, in seconds and metres; the last one lasts
+   * to the end. */
+  spans(i, reach_m, visit) {
+    const { first, x, y, length_m } = this, last = first[i + 1] - 1;
+    for (let k = first[i]; k <= last; k++) {
+      const next = Math.min(k + 1, last);
+      const until = k < last ? this.time(next) : this.end_s, state = k < last ? this.#state(k, reach_m) : WAITING;
+      visit(this.time(k), until, state, x[k] * length_m, y[k] * length_m, x[next] * length_m, y[next] * length_m);
+    }
+  }
+
   /** Length of the way of a body, in metres. */
   distance(i) {
     const { first, x, y } = this;

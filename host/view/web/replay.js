@@ -53,9 +53,12 @@ function told() {
   fleetWork?.tell();
   if (layers.length) annotationList.tell();
   contactList.tell();
+  if ($('heat').value) $('most').textContent = shown(scene.layer($('heat').value).most_s);
   if (scene.coloring === 'delay') $('longest').textContent = shown(scene.longWait);
 }
-$('color-delay').querySelector('i').style.background = `linear-gradient(to right, ${meta.heat.join(',')})`;
+for (const id of ['color-delay', 'heat-scale']) {
+  $(id).querySelector('i').style.background = `linear-gradient(to right, ${meta.heat.join(',')})`;
+}
 stage.on('drawn', told);
 
 clock.on('play', () => {
@@ -154,6 +157,10 @@ $('color').addEventListener('change', () => {
   $('color-state').hidden = by !== 'state';
   $('color-delay').hidden = by !== 'delay';
 });
+$('heat').addEventListener('change', () => {
+  scene.heat($('heat').value);
+  $('heat-scale').hidden = !$('heat').value;
+});
 
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -209,9 +216,13 @@ if (wish.has('t')) clock.seek(Number(wish.get('t')));
 if (wish.has('agent')) scene.select(recording.agent(Number(wish.get('agent'))), true);
 if (Number(wish.get('zoom')) > 0) stage.zoom(Number(wish.get('zoom')));
 for (const name of Object.keys(SWITCHES)) if (wish.has(name)) $('show-' + name).click();
-if (wish.has('color')) {
-  $('color').value = wish.get('color');
-  if ($('color').value) $('color').dispatchEvent(new Event('change')); else $('color').value = 'agent';
+for (const name of ['color', 'heat']) {
+  const select = $(name), own = select.value;
+  if (!wish.has(name)) continue;
+  select.value = wish.get(name);
+  // A value that is none of its own leaves a select empty.
+  if (select.selectedIndex < 0) select.value = own;
+  select.dispatchEvent(new Event('change'));
 }
 if (SPEEDS.includes(Number(wish.get('speed')))) clock.setSpeed(Number(wish.get('speed')));
 if (wish.has('play')) clock.play(true);
@@ -223,6 +234,8 @@ globalThis.replay = {
   zoom: (...by) => stage.zoom(...by), fit: () => stage.fit(),
   /** Draws at once instead of at the next frame. */
   draw: () => stage.draw(),
+  /** The picture as a canvas. */
+  picture: () => stage.picture(),
   pose: (id) => {
     const i = recording.agent(id), { X, Y, H } = scene.fleet;
     tracks.place(clock.now, X, Y, H);

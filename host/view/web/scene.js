@@ -2,7 +2,8 @@
 
 import { Bodies } from './bodies.js';
 import { Emitter } from './emitter.js';
-import { allWays, mapLayers } from './map.js';
+import { heatMap } from './heat.js';
+import { allWays, fieldOf, mapLayers } from './map.js';
 import { PARKED, STATES, WAITING } from './motion.js';
 import { annotations, contacts, goals, numbers, rings, scaleBar, selectedWay, trails } from './overlays.js';
 import { theme } from './theme.js';
@@ -40,7 +41,12 @@ export class Scene extends Emitter {
     Object.assign(this, { stage, recording, motion, fleet });
     stage.detail = fleet.largest;
     this.ground = mapLayers(meta);
-    if (motion.way) this.ground.push(allWays(motion, fleet, meta.colors));
+    if (motion.way) {
+      const field = fieldOf(meta, fleet.largest);
+      // Above the cells of the map, below walls that are polygons.
+      this.ground.splice(-1, 0, ...['usage', 'waiting'].map((name) => heatMap(name, motion, recording, field)));
+      this.ground.push(allWays(motion, fleet, meta.colors));
+    }
     this.layers = [...this.ground, ...[trails, goals, annotations, selectedWay, contacts, rings, numbers, scaleBar].map((layer) => layer(this))];
     for (const layer of this.layers) stage.add(layer);
     this.bodies = new Bodies(stage, fleet, { palette: () => this.#palette(), renderer });
@@ -94,6 +100,11 @@ export class Scene extends Emitter {
     if (!layer) return;
     if (name === 'numbers') layer.all = on; else layer.visible = on;
     this.stage.invalidate(layer.plane);
+  }
+
+  /** Shows one heat map, `usage` or `waiting`, or none. */
+  heat(name) {
+    for (const each of ['usage', 'waiting']) this.show(each, each === name);
   }
 
   /** Seconds of the recording that are shown. */

@@ -31,6 +31,8 @@ pub fn selftest(browser: &str, folder: &Path, page: &Path, size: &str) -> String
     let log = folder.join("browser.log");
     let child = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu"])
+        // WebGL by the processor.
+        .arg("--enable-unsafe-swiftshader")
         .args(["--disable-dev-shm-usage", "--no-first-run"])
         .args(["--enable-logging=stderr", "--v=0"])
         .arg(format!("--window-size={size}"))

@@ -136,6 +136,35 @@ for (const name of ['paths', 'ids', 'trails', 'contacts']) {
   $('show-' + name).click();
 }
 replay.draw();
+check('renderer', replay.state.renderer === (location.hash ? 'webgl2' : '2d'), replay.state.renderer);
+// Agent 3 is in the middle, and what it does and how long it waited has a colour of its own.
+const middle = () => {
+  replay.follow(3);
+  replay.draw();
+  const pen = replay.picture().getContext('2d');
+  const [px, py] = replay.onScreen(3).map((at) => (at - 3) * (window.devicePixelRatio || 1));
+  return [...pen.getImageData(px, py, 1, 1).data].slice(0, 3).join();
+};
+const colored = (by, time) => {
+  $('color').value = by;
+  $('color').dispatchEvent(new Event('change'));
+  replay.seek(time);
+  return middle();
+};
+check('colour by agent', colored('agent', 6) === '204,121,167', colored('agent', 6));
+check('colour by kind', colored('kind', 6) === '230,159,0', colored('kind', 6));
+check('colour by state', colored('state', 6) === '184,188,194' && colored('state', 9) === '0,114,178', [colored('state', 6), colored('state', 9)]);
+check('colour by waiting', colored('delay', 0.1) === '255,243,184' && colored('delay', 8) === '217,31,32' && !$('color-delay').hidden, [colored('delay', 0.1), colored('delay', 8)]);
+colored('agent', 6);
+// Agent 2 stands in a cell all the time, agent 3 in another for the 8 s until it moves.
+$('heat').value = 'waiting';
+$('heat').dispatchEvent(new Event('change'));
+replay.draw();
+check('heat map', $('most').textContent === '8.0 s' && !$('heat-scale').hidden, $('most').textContent);
+$('heat').value = '';
+$('heat').dispatchEvent(new Event('change'));
+key('Escape');
+replay.draw();
 const dot = $('scene').getContext('2d').getImageData(0, 0, $('scene').width, $('scene').height).data;
 check('draws', dot.some((value) => value > 0));
 check('fleet is drawn', $('fleet').height === 4 && $('fleet').width > 0);
