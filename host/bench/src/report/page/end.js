@@ -9,4 +9,3 @@ const page = globalThis.report = {
   get selection() { return selection; },
 };
 begin();
-})();
