@@ -167,44 +167,68 @@ fn same(a: Place, b: Place) -> bool {
     dx * dx + dy * dy <= SAME_M * SAME_M && heading
 }
 
+/// Metres that a radian counts as on a way: little, so that headings decide where a body is only
+/// on ways on which it turns more than it moves.
+const RADIAN_M: f64 = 0.1;
+
+/// The way from a place to another one: metres along both axes and, where both have headings, of the turn.
+fn way(from: Place, to: Place) -> [f64; 3] {
+    let headings = from.heading.zip(to.heading);
+    let turn = headings.map_or(0.0, |(from, to)| RADIAN_M * (to - from));
+    [to.x - from.x, to.y - from.y, turn]
+}
+
+fn dot([ax, ay, at]: [f64; 3], [bx, by, bt]: [f64; 3]) -> f64 {
+    ax * bx + ay * by + at * bt
+}
+
 /// True if the way continues straight through `by` to `to`, with the same turn per metre.
 fn goes_on(from: Place, by: Place, to: Place) -> bool {
-    let turn = |from: Place, to: Place| {
-        let headings = from.heading.zip(to.heading);
-        headings.map_or(0.0, |(from, to)| to - from)
-    };
-    let way = |from: Place, to: Place| [to.x - from.x, to.y - from.y, turn(from, to)];
-    let ([ax, ay, at], [bx, by, bt]) = (way(from, by), way(by, to));
+    let (a, b) = (way(from, by), way(by, to));
+    let ([ax, ay, at], [bx, by, bt]) = (a, b);
     let across = [ax * by - ay * bx, ax * bt - at * bx, ay * bt - at * by];
-    let (aa, bb) = (ax * ax + ay * ay + at * at, bx * bx + by * by + bt * bt);
-    across.iter().all(|cross| cross * cross <= 1e-18 * aa * bb)
+    let most = 1e-18 * dot(a, a) * dot(b, b);
+    across.iter().all(|cross| cross * cross <= most)
         && ax * bx + ay * by >= 0.0
         && (ax != 0.0 || ay != 0.0)
 }
 
-/// The direction half-way between those of two ways that meet, if the bend between them needs no stop:
-/// whoever has crossed the line across it is on the second way.
-fn bisector(from: Place, by: Place, to: Place) -> Option<[f64; 2]> {
-    let unit = |from: Place, to: Place| {
-        let (x, y) = (to.x - from.x, to.y - from.y);
-        let length = (x * x + y * y).sqrt();
-        (length > SAME_M).then(|| [x / length, y / length])
+/// The directions half-way between those of two ways that meet, with turns and without, if the bend between
+/// them needs no stop: whoever has crossed the planes across both is on the second way. A body stops before it
+/// turns more than it moves.
+fn bisectors(from: Place, by: Place, to: Place) -> Option<[[f64; 3]; 2]> {
+    let half_way = |a: [f64; 3], b: [f64; 3]| {
+        let unit = |way: [f64; 3]| {
+            let length = dot(way, way).sqrt();
+            (length > SAME_M).then(|| way.map(|part| part / length))
+        };
+        let (a, b) = (unit(a)?, unit(b)?);
+        (dot(a, b) >= SHARPEST).then(|| [0, 1, 2].map(|axis| a[axis] + b[axis]))
     };
-    let ([ax, ay], [bx, by]) = (unit(from, by)?, unit(by, to)?);
-    (ax * bx + ay * by >= SHARPEST).then_some([ax + bx, ay + by])
+    let (a, b) = (way(from, by), way(by, to));
+    let flat = |[x, y, _]: [f64; 3]| [x, y, 0.0];
+    Some([half_way(a, b)?, half_way(flat(a), flat(b))?])
 }
 
-/// The place on a way that is nearest to a point; the end of a way that goes nowhere.
-fn nearest(from: Place, to: Place, [x, y]: [f64; 2]) -> Place {
-    let (wx, wy) = (to.x - from.x, to.y - from.y);
-    let length = wx * wx + wy * wy;
-    let along = (x - from.x) * wx + (y - from.y) * wy;
+/// The place on a way that is nearest to a body; the end of a way that goes nowhere.
+fn nearest(from: Place, to: Place, body: &State) -> Place {
+    let way_to = way(from, to);
+    let length = dot(way_to, way_to);
     let share = if length > 0.0 {
-        (along / length).clamp(0.0, 1.0)
+        (dot(way(from, at(body)), way_to) / length).clamp(0.0, 1.0)
     } else {
         1.0
     };
     between(from, to, share)
+}
+
+/// The place of a body.
+fn at(body: &State) -> Place {
+    Place {
+        x: body.x,
+        y: body.y,
+        heading: Some(body.heading),
+    }
 }
 
 /// The farthest place on a way, of which the end is too far, that a cone admits.
@@ -338,7 +362,7 @@ impl Driver<'_> {
                 } else if !rest && !chase && is_there(model, last, &pilot.state, &target) {
                     self.reach(agent, pilot, end);
                 } else if !rest && !chase {
-                    self.pass(agent, pilot, &target);
+                    self.pass(agent, pilot);
                 }
                 continue;
             }
@@ -365,7 +389,7 @@ impl Driver<'_> {
             } else {
                 left = &[];
                 if !chase && !rest {
-                    self.pass(agent, pilot, &target);
+                    self.pass(agent, pilot);
                 }
             }
         }
@@ -535,7 +559,7 @@ impl Driver<'_> {
                 let released = self.released(agent, pilot);
                 self.pass_bends(agent, pilot, released, now);
             } else {
-                self.pass(agent, pilot, &target);
+                self.pass(agent, pilot);
             }
         } else if arrived {
             self.note_arrival(agent, pilot, now);
@@ -546,27 +570,17 @@ impl Driver<'_> {
     /// pose or, under an order of passing, from its leg.
     pub(crate) fn off(&self, agent: usize, pilot: &mut Pilot) -> Off {
         let State { x, y, heading, .. } = pilot.state;
-        let (place, turned) = match self.releases {
+        let place = match self.releases {
             Releases::Time => {
                 self.look_at_the_clock(agent, pilot, self.block.end);
-                let place = self.planned(agent, pilot, self.block.end);
-                (place, place.heading.map(|planned| planned - heading))
+                self.planned(agent, pilot, self.block.end)
             }
             Releases::Order(_) => {
-                let (from, end) = (pilot.from, self.place(agent, pilot.leg.max(pilot.done)));
-                let place = nearest(from, end, [x, y]);
-                let (wx, wy) = (end.x - from.x, end.y - from.y);
-                let turned = match (from.heading, end.heading) {
-                    // Any heading between is right while it turns in place.
-                    (Some(from), Some(end)) if wx * wx + wy * wy <= SAME_M * SAME_M => {
-                        let between = heading.max(from.min(end)).min(from.max(end));
-                        Some(between - heading)
-                    }
-                    _ => place.heading.map(|planned| planned - heading),
-                };
-                (place, turned)
+                let end = self.place(agent, pilot.leg.max(pilot.done));
+                nearest(pilot.from, end, &pilot.state)
             }
         };
+        let turned = place.heading.map(|planned| planned - heading);
         let (dx, dy) = (place.x - x, place.y - y);
         Off {
             m: (dx * dx + dy * dy).sqrt(),
@@ -654,7 +668,7 @@ impl Driver<'_> {
         let near = [model.arrival_tolerance_m(), model.heading_tolerance_rad()];
         let (mut from, mut knot) = (pilot.from, pilot.leg);
         let mut end = self.place(agent, knot);
-        let here = nearest(from, end, [state.x, state.y]);
+        let here = nearest(from, end, state);
         let mut cone = Cone::new(here, near.map(|near| BEND * near));
         let mut ahead = None;
         loop {
@@ -665,7 +679,7 @@ impl Driver<'_> {
                 break;
             };
             let to = self.place(agent, next);
-            if bisector(from, end, to).is_none() {
+            if bisectors(from, end, to).is_none() {
                 break;
             }
             if !cone.admits(to) {
@@ -714,12 +728,13 @@ impl Driver<'_> {
     fn pass_bends(&self, agent: usize, pilot: &mut Pilot, released: u32, now: f64) {
         loop {
             let end = self.place(agent, pilot.leg);
-            self.pass(agent, pilot, &end.target());
+            self.pass(agent, pilot);
             let next = self.next_place(agent, pilot.leg, released);
             let after = next.map(|next| self.place(agent, next));
-            let across = after.and_then(|after| bisector(pilot.from, end, after));
-            let (x, y) = (pilot.state.x - end.x, pilot.state.y - end.y);
-            let is_past = across.is_some_and(|[ax, ay]| x * ax + y * ay >= 0.0);
+            let across = after.and_then(|after| bisectors(pilot.from, end, after));
+            let beyond = way(end, at(&pilot.state));
+            let is_past =
+                across.is_some_and(|both| both.iter().all(|across| dot(beyond, *across) >= 0.0));
             if pilot.done + 1 < pilot.leg || !is_past {
                 return;
             }
@@ -814,12 +829,11 @@ impl Driver<'_> {
     }
 
     /// Counts the knots passed within the leg.
-    fn pass(&self, agent: usize, pilot: &mut Pilot, target: &Target) {
-        let (dx, dy) = (target.x - pilot.from.x, target.y - pilot.from.y);
+    fn pass(&self, agent: usize, pilot: &mut Pilot) {
+        let leg = way(pilot.from, self.place(agent, pilot.leg));
         while pilot.done + 1 < pilot.leg {
             let knot = self.place(agent, pilot.done + 1);
-            let along = (pilot.state.x - knot.x) * dx + (pilot.state.y - knot.y) * dy;
-            if along < 0.0 {
+            if dot(way(knot, at(&pilot.state)), leg) < 0.0 {
                 break;
             }
             pilot.done += 1;

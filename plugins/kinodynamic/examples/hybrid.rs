@@ -96,7 +96,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let told = |shortens: bool| {
             let effort = Effort { shortens, ..effort };
-            let (outcome, expansions) = query.solve(start, &effort, &mut || false);
+            let (outcome, expansions) = query.solve(start, &effort, &mut || false, &mut |_| ());
             let seconds = begin.elapsed().as_secs_f64();
             let Outcome::Found(course) = outcome else {
                 return println!("{name}: {outcome:?}, {expansions} expansions, {seconds:.3} s");

@@ -23,6 +23,7 @@ use fleetyard_plugin_plane::prioritised::World;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose, Space, wrapped};
 
 use crate::course::{CHORD, Course, Segment};
+use crate::plugin::Line;
 use crate::robot::{Goal, Robot, State};
 use crate::steer::{proportional, seconds_at_rates, seconds_lost, steer};
 
@@ -124,14 +125,16 @@ pub struct Query<'a> {
 }
 
 impl Query<'_> {
-    /// Controls from rest in a pose to rest at the goal, and the number of expansions.
+    /// Controls from rest in a pose to rest at the goal, and the number of expansions. `line` is given a line for
+    /// every pose that is found, from the pose before.
     pub fn solve(
         &self,
         start: Pose,
         effort: &Effort,
         stop: &mut dyn FnMut() -> bool,
+        line: &mut dyn FnMut(Line),
     ) -> (Outcome, u64) {
-        Search::new(self, effort).run(start, stop)
+        Search::new(self, effort).run(start, stop, line)
     }
 
     /// A pose that lies within the goal's tolerances.
@@ -211,7 +214,12 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn run(mut self, start: Pose, stop: &mut dyn FnMut() -> bool) -> (Outcome, u64) {
+    fn run(
+        mut self,
+        start: Pose,
+        stop: &mut dyn FnMut() -> bool,
+        line: &mut dyn FnMut(Line),
+    ) -> (Outcome, u64) {
         self.push(start, 0.0, NONE, NONE);
         let (mut expansions, mut until_tried) = (0, 0_u64);
         while let Some(Reverse((_, left, number, is_end))) = self.open.pop() {
@@ -245,12 +253,12 @@ impl<'a> Search<'a> {
             } else {
                 until_tried -= 1;
             }
-            self.expand(number);
+            self.expand(number, line);
         }
         (Outcome::NoWay, expansions)
     }
 
-    fn expand(&mut self, number: u32) {
+    fn expand(&mut self, number: u32, line: &mut dyn FnMut(Line)) {
         let node = self.nodes[number as usize];
         for by in 0..self.moves.len() {
             let own = &self.moves[by];
@@ -267,6 +275,7 @@ impl<'a> Search<'a> {
             if is_worse || !self.is_clear(&node.pose, &own.way) {
                 continue;
             }
+            line([node.pose.at.into(), pose.at.into()]);
             self.push(pose, seconds, number, by as u32);
         }
     }

@@ -7,8 +7,8 @@ use std::rc::Rc;
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink};
 use fleetyard_abi::{
-    Budget, Capability, ControlPlan, Descriptor, Instance, Kind, MotionPlan, SharedEnvironment,
-    Status,
+    Annotation, Budget, Capability, ControlPlan, Descriptor, Instance, Kind, MotionPlan,
+    SharedEnvironment, Status,
 };
 use fleetyard_plugin_plane::plugin::robots::world;
 use fleetyard_plugin_plane::prioritised::World;
@@ -57,6 +57,20 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
 
 /// The usual [`Method::clearance_m`]: motions are judged by chords that are up to a tenth of a millimetre beside them.
 pub const CLEARANCE_M: f64 = 1e-3;
+
+/// Two ends of a line, in metres.
+pub type Line = [[f64; 2]; 2];
+
+/// Most lines of a tree that are shown.
+const LINES: usize = 16_000;
+
+/// Shows the first lines of a tree, if somebody wants to see them.
+pub(crate) fn show_tree(call: &Call<'_>, lines: impl IntoIterator<Item = Line>) {
+    if let Some(annotations) = call.annotations() {
+        // What is not kept the host counts.
+        let _ = annotations.annotate(&Annotation::lines("trees", lines.into_iter().take(LINES)));
+    }
+}
 
 /// A team in a world.
 #[derive(Debug)]

@@ -443,6 +443,42 @@ fn bends_need_no_stop() {
     }
 }
 
+/// A body that turns while it moves by a centimetre turns before it goes on, and its turning is no error.
+#[test]
+fn turns_on_short_ways_are_driven() {
+    let way = [
+        [0.0, 0.0, 0.0],
+        [2.0, 0.0, 0.0],
+        [2.01, 0.0, 2.3],
+        [4.0, 0.2, 2.3],
+        [4.0, 0.21, -0.4],
+    ];
+    let dense: Vec<[f64; 3]> = way
+        .windows(2)
+        .flat_map(|ends| (0..20).map(move |part| (ends, f64::from(part) / 20.0)))
+        .map(|(ends, share)| {
+            [0, 1, 2].map(|axis| ends[0][axis] + share * (ends[1][axis] - ends[0][axis]))
+        })
+        .chain(way.last().copied())
+        .collect();
+    for knots in [way.to_vec(), dense] {
+        let plan = routes(&[knots]);
+        for model in ["go2", "spot", "anymal-c"] {
+            for tier in [Tier::Kinematic, Tier::Contact] {
+                for smooth_m in [0.0, 0.05] {
+                    let config = SimConfig {
+                        tier,
+                        smooth_m,
+                        ..by_order()
+                    };
+                    let outcome = drive(&plan, &[model], &config).unwrap();
+                    keeps_to_its_way(&outcome, model, &format!("smooth by {smooth_m} m"));
+                }
+            }
+        }
+    }
+}
+
 /// An execution in which all arrive within tolerances of their ways; drives are not instant in the contact tier.
 fn keeps_to_its_way(outcome: &Outcome, model: &str, what: &str) {
     let of: Model = model.parse().unwrap();

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::db_cbs::shorten;
-use super::{CLEARANCE_M, InStates, Method, Team};
+use super::{CLEARANCE_M, InStates, Method, Team, show_tree};
 use crate::search::astar::{Grain, Limits, NODE_BYTES, Outcome, Pathfinder, field, first_step};
 
 /// A\* over motion primitives for one robot.
@@ -95,6 +95,8 @@ impl Method for Options {
         let is_second = team.members[0].robot.is_second;
         let mut weight = self.weight.unwrap_or(if is_second { 2.0 } else { 1.0 });
         let (mut best, mut after, mut failure) = (f64::INFINITY, 0, None);
+        // The tree of the last plan.
+        let mut lines = Vec::new();
         for round in 0..MOST_ROUNDS {
             let grain = Grain {
                 step_m,
@@ -106,8 +108,10 @@ impl Method for Options {
                 failure = Some("the robot touches an obstacle at its start");
                 break;
             }
+            pathfinder.lines = call.annotations().map(|_| Vec::new());
             let outcome = pathfinder.find(&[], (&[], 0.0), best, &mut limits);
             if let Outcome::Found(way) = &outcome {
+                lines = pathfinder.lines.take().unwrap_or_default();
                 let seconds = way.course.seconds();
                 team.submit(call, std::slice::from_ref(&way.course))?;
                 if best.is_infinite() {
@@ -130,6 +134,7 @@ impl Method for Options {
             }
         }
         call.metric("nodes", (given - limits.nodes) as f64);
+        show_tree(call, lines);
         if best.is_finite() {
             return Ok(());
         }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::course::{CHORD, Course, Segment};
 use crate::hybrid::{Effort, Outcome, Query};
-use crate::plugin::{CLEARANCE_M, InStates, Member, Method, Team};
+use crate::plugin::{CLEARANCE_M, InStates, Line, Member, Method, Team, show_tree};
 use crate::scene::is_clear;
 use crate::steer::brake;
 
@@ -129,7 +129,11 @@ impl Method for Hybrid {
             goal: &member.goal,
         };
         let start = braked.end(&member.robot).pose();
-        let (outcome, expansions) = query.solve(start, &effort, &mut || call.stop());
+        let mut lines = Vec::new();
+        let wanted = call.annotations().is_some();
+        let mut line = |line: Line| lines.extend(wanted.then_some(line));
+        let (outcome, expansions) = query.solve(start, &effort, &mut || call.stop(), &mut line);
+        show_tree(call, lines);
         call.metric("expansions", expansions as f64);
         match outcome {
             Outcome::Found(course) => {

@@ -5,7 +5,7 @@ use fleetyard_abi::{Capability, Status};
 use fleetyard_plugin_plane::sssp::bodies::{Pose, wrapped};
 use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 
-use super::{InStates, Member, Method, Team};
+use super::{InStates, Member, Method, Team, show_tree};
 use crate::course::Course;
 use crate::sampling::motions::{Motions, seconds};
 use crate::sampling::rrt_star::{Options, Task, Tree, VERTEX_BYTES};
@@ -129,6 +129,7 @@ impl Method for Options {
             }
         }
         tell(&mut tree, 0.0)?;
+        show_tree(call, tree.lines());
         call.metric("nodes", tree.samples as f64);
         call.metric("vertices", tree.vertices() as f64);
         call.metric("tests", tree.tests as f64);

@@ -5,7 +5,7 @@ use fleetyard_abi::{Capability, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
 
 use super::rrt_star::{alone, submitted};
-use super::{InStates, Method, Team};
+use super::{InStates, Method, Team, show_tree};
 use crate::sampling::drive::Drive;
 use crate::sampling::sst::{NODE_BYTES, Options, Sparse};
 
@@ -73,6 +73,7 @@ impl Method for Options {
             }
         }
         tell(&tree, 0.0)?;
+        show_tree(call, tree.lines());
         call.metric("nodes", tree.tried as f64);
         call.metric("vertices", tree.added as f64);
         if told.is_finite() {

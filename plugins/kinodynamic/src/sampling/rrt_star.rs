@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motions::Motions;
 use super::near::{Found, Near, lifted};
-use crate::plugin::CLEARANCE_M;
+use crate::plugin::{CLEARANCE_M, Line};
 
 /// Options of `rrt-star`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -176,6 +176,15 @@ impl<'a> Tree<'a> {
     /// Number of vertices.
     pub fn vertices(&self) -> usize {
         self.vertices.len()
+    }
+
+    /// Lines from vertices to their parents.
+    pub fn lines(&self) -> impl Iterator<Item = Line> {
+        let ends = |vertex: &Vertex| {
+            let parent = self.vertices.get(vertex.parent as usize)?;
+            Some([parent.pose.at.into(), vertex.pose.at.into()])
+        };
+        self.vertices.iter().filter_map(ends)
     }
 
     /// No way is faster than the one that is known.

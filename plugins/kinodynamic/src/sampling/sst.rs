@@ -11,6 +11,8 @@
 //! | `Is_Node_Locally_the_Best_SST` | `Sparse::witness` |
 //! | `Prune_Dominated_Nodes_SST` | `Sparse::retire` |
 
+use std::collections::BTreeSet;
+
 use fleetyard_plugin_spacetime::random::Random;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::drive::Drive;
 use super::near::{Found, Near};
 use crate::course::{Course, Segment};
-use crate::plugin::CLEARANCE_M;
+use crate::plugin::{CLEARANCE_M, Line};
 use crate::robot::State;
 
 /// Options of `sst`.
@@ -177,6 +179,17 @@ impl<'a> Sparse<'a> {
     /// Nodes that take memory.
     pub fn nodes(&self) -> usize {
         self.nodes.len().max(self.kept.len())
+    }
+
+    /// Lines from nodes to their parents.
+    pub fn lines(&self) -> impl Iterator<Item = Line> {
+        let gone: BTreeSet<u32> = self.spare.iter().copied().collect();
+        let nodes = (0..).zip(&self.nodes);
+        nodes.filter_map(move |(number, node)| {
+            let parent = self.nodes.get(node.parent as usize)?;
+            let line = [parent.state.at.into(), node.state.at.into()];
+            (!gone.contains(&number)).then_some(line)
+        })
     }
 
     /// The fastest course to the goal that is known.

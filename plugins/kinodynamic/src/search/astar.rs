@@ -21,7 +21,7 @@ use fleetyard_plugin_plane::sssp::bodies::{Body, Pose, wrapped};
 use super::field::{Field, Remaining, Walls, Waypoint};
 use crate::course::{Course, Knot, Segment, Track};
 use crate::curves::Curves;
-use crate::plugin::{Member, Team};
+use crate::plugin::{Line, Member, Team};
 use crate::primitives::{Level, Primitive, Primitives, circle};
 use crate::robot::{Robot, State};
 use crate::scene::clash;
@@ -261,6 +261,8 @@ pub struct Pathfinder<'a> {
     /// Metres and radians within which states are the same.
     cell: [f64; 2],
     weight: f64,
+    /// Lines of the last search between nodes and their parents, for those who want to see them.
+    pub lines: Option<Vec<Line>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -386,6 +388,7 @@ impl<'a> Pathfinder<'a> {
             primitives,
             weight: grain.weight,
             cell: [grain.step_m, turn].map(|whole| (whole * grain.alpha).max(1e-9)),
+            lines: None,
         }
     }
 
@@ -524,6 +527,12 @@ impl<'a> Pathfinder<'a> {
         };
         search.begin(*start, begin);
         let ended = search.run(limits);
+        if search.own.lines.is_some() {
+            let at = |number: u32| search.nodes[number as usize].state.at.into();
+            let ends = (0..).zip(&search.nodes).skip(1);
+            let lines = ends.map(|(number, node)| [at(node.parent), at(number)]);
+            search.own.lines = Some(lines.collect());
+        }
         match search.way() {
             Some(way) => Outcome::Found(way),
             None if ended => Outcome::Exhausted,
