@@ -167,9 +167,9 @@ fn same(a: Place, b: Place) -> bool {
     dx * dx + dy * dy <= SAME_M * SAME_M && heading
 }
 
-/// Metres that a radian counts as on a way: little, so that headings decide where a body is only
-/// on ways on which it turns more than it moves.
-const RADIAN_M: f64 = 0.1;
+/// Metres that a radian counts as on a way: as far as corners of a body move that is a metre long. Headings decide
+/// where a body is on ways on which it turns more than it moves.
+const RADIAN_M: f64 = 0.5;
 
 /// The way from a place to another one: metres along both axes and, where both have headings, of the turn.
 fn way(from: Place, to: Place) -> [f64; 3] {
