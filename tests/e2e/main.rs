@@ -33,6 +33,7 @@ mod rows;
 mod scaffold;
 mod simulate;
 mod slurm;
+mod studio_document;
 mod trace;
 mod tutorials;
 mod views;

@@ -201,6 +201,30 @@ impl Grid {
         Ok(self)
     }
 
+    /// Gives cells another terrain letter, one of [`Grid::LETTERS`]. Masks of moves are lost: they
+    /// may allow what the new terrain forbids. Refuses cells that are not on the map, and other letters,
+    /// and then changes nothing.
+    pub fn fill(&mut self, cells: core::ops::Range<u32>, letter: u8) -> Result<(), InputError> {
+        if !Self::LETTERS.contains(&letter) {
+            let reason = format!("unknown terrain letter '{}'", letter.escape_ascii());
+            return Err(InputError::new(self.name.as_str(), reason));
+        }
+        let most = self.terrain.len();
+        let filled = self
+            .terrain
+            .get_mut(cells.start as usize..cells.end as usize);
+        let filled = filled.ok_or_else(|| {
+            let reason = format!(
+                "cells {} to {} are not all on the map",
+                cells.start, cells.end
+            );
+            InputError::new(self.name.as_str(), reason).hint(format!("the map has {most} cells"))
+        })?;
+        filled.fill(letter);
+        self.moves = None;
+        Ok(())
+    }
+
     /// True if the map allows fewer moves than its terrain leaves.
     pub fn has_move_masks(&self) -> bool {
         self.moves.is_some()

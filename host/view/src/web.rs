@@ -29,7 +29,6 @@ const FILES: &[(&str, &[u8], &str)] = files![
     "heat.js" SCRIPT,
     "map.js" SCRIPT,
     "motion.js" SCRIPT,
-    "numbers.js" SCRIPT,
     "overlays.js" SCRIPT,
     "recording.js" SCRIPT,
     "scene.js" SCRIPT,

@@ -196,12 +196,44 @@ impl Free {
 
     /// The distance of a point from the nearest edge of an obstacle or of the world, in metres.
     pub fn clearance_m(&self, point: [f64; 2]) -> f64 {
-        let (edges, at) = (self.edges.iter(), Vector::from(point));
-        let squared = edges
-            .map(|edge| squared_distance([at, at], edge.ends()))
-            .fold(f64::INFINITY, f64::min);
         let (min, max) = (self.bounds.min, self.bounds.max);
         let sides = (0..2).flat_map(|axis| [point[axis] - min[axis], max[axis] - point[axis]]);
-        sides.fold(squared.sqrt(), |least, side| least.min(side.abs()))
+        let side = sides.fold(f64::INFINITY, |least, side| least.min(side.abs()));
+        side.min(self.squared_to_edge(point, side).sqrt())
+    }
+
+    /// The squared distance of a point from the nearest edge of an obstacle or of the boundary; any
+    /// larger number where that is farther than `most_m`. Tiles are searched ring by ring.
+    fn squared_to_edge(&self, point: [f64; 2], most_m: f64) -> f64 {
+        let at = Vector::from(point);
+        let [cols, rows] = self.tiles.size();
+        let [col, row] = [0, 1].map(|axis| self.tiles.index(axis, point[axis]));
+        let mut least = f64::INFINITY;
+        for ring in 0..cols.max(rows) {
+            // Nothing in this ring and beyond is nearer, with room for the rounding of tiles.
+            let nearest = (ring as f64 - 1.0 - 1e-6) * self.tiles.side_m();
+            if ring > 1 && (nearest > most_m || nearest * nearest > least) {
+                break;
+            }
+            let span = |middle: usize, count: usize| {
+                middle.saturating_sub(ring)..=(middle + ring).min(count - 1)
+            };
+            let mut visit = |row: usize, col: usize| {
+                for number in self.of_tile.get(row * cols + col) {
+                    let edge = self.edges[*number as usize];
+                    least = least.min(squared_distance([at, at], edge.ends()));
+                }
+            };
+            for other in span(row, rows) {
+                if other.abs_diff(row) == ring {
+                    span(col, cols).for_each(|col| visit(other, col));
+                } else {
+                    let ends = [col.checked_sub(ring), Some(col + ring)];
+                    let ends = ends.into_iter().flatten().filter(|col| *col < cols);
+                    ends.for_each(|col| visit(other, col));
+                }
+            }
+        }
+        least
     }
 }

@@ -19,6 +19,7 @@ mod origin;
 mod overlay;
 mod parameters;
 mod pin;
+mod plan_files;
 mod representation;
 mod roadmap;
 mod swept;
@@ -29,11 +30,11 @@ mod world;
 pub use cells::{CellsView, grid_to_roadmap};
 pub use contract::{PlanTerms, robots_of, visits_of};
 pub use free::{FREE_SLACK_M, Free};
-pub use grid::{GridSpec, GridView, cell_side_m, world_to_grid};
+pub use grid::{GridSpec, GridView, WorldCells, cell_side_m, world_to_grid};
 pub use judge::{GridTerms, Judged, StepCosts, ViewVerdict};
 pub use origin::{Origin, VIEW_FORMAT};
 pub use overlay::{OverlayReport, OverlaySpec, OverlayView, roadmap_to_grid};
-pub use parameters::{BuilderKind, BuilderParameters, ViewName};
+pub use parameters::{BuilderKind, RoadmapParameters, ViewName};
 pub use representation::Representation;
 pub use roadmap::{
     Builder, ROADMAP_MOST_VERTICES, RoadmapReport, RoadmapSpec, RoadmapView, Sampling,
@@ -41,8 +42,8 @@ pub use roadmap::{
 };
 pub use swept::{SweptEdges, SweptView, roadmap_to_world};
 pub use task::{
-    Agent, Fleets, Place, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task, load_problem,
-    load_task, read_task, save_task, write_task,
+    Agent, End, Fault, Fleets, Place, Positive, Problem, State, TASK_FILE_LIMIT, TASK_FORMAT, Task,
+    load_problem, load_task, read_task, save_task, write_task,
 };
 pub use view::{Given, VIEW_FILE_LIMIT, View, ViewFile, ViewSpec, load_view, read_view};
 pub use world::{WorldView, grid_to_world};

@@ -1,7 +1,7 @@
 //! Parameters of views by the names that the command line and suites give them.
 
 use fleetyard_core::words;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::roadmap::common_speed;
@@ -31,10 +31,10 @@ words!(BuilderKind {
     Tangent = "tangent", "Corners of obstacles and the lines that bend round them: misses no passage";
 });
 
-/// Parameters of every builder, of which each has its own.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+/// Parameters of a roadmap, with those of every builder, of which each has its own.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct BuilderParameters {
+pub struct RoadmapParameters {
     /// The builder.
     #[serde(rename = "builder")]
     pub kind: BuilderKind,
@@ -45,15 +45,24 @@ pub struct BuilderParameters {
     /// Origin of drawn vertices.
     pub sampling: Sampling,
     /// Distance of a lattice's neighbours in metres; a lattice needs one.
-    #[serde(rename = "side")]
+    #[serde(rename = "side", skip_serializing_if = "Option::is_none")]
     pub side_m: Option<f64>,
     /// Directions of a lattice's edges.
     pub directions: u32,
     /// Sides of the polygons that stand for circles round corners.
     pub sides: u32,
+    /// Least distance of drawn vertices in metres; see [`RoadmapSpec`].
+    #[serde(rename = "spacing", skip_serializing_if = "Option::is_none")]
+    pub spacing_m: Option<f64>,
+    /// Common speed in m/s; likewise.
+    #[serde(rename = "speed", skip_serializing_if = "Option::is_none")]
+    pub speed_m_per_s: Option<f64>,
+    /// Seed of the drawing; likewise.
+    #[serde(rename = "roadmap_seed", skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
 }
 
-impl Default for BuilderParameters {
+impl Default for RoadmapParameters {
     fn default() -> Self {
         Self {
             kind: BuilderKind::default(),
@@ -63,11 +72,24 @@ impl Default for BuilderParameters {
             side_m: None,
             directions: 8,
             sides: 16,
+            spacing_m: None,
+            speed_m_per_s: None,
+            seed: None,
         }
     }
 }
 
-impl BuilderParameters {
+impl RoadmapParameters {
+    /// The parameters of the operator.
+    pub fn spec(self) -> RoadmapSpec {
+        RoadmapSpec {
+            builder: self.builder(),
+            spacing_m: self.spacing_m,
+            seed: self.seed,
+            speed_m_per_s: self.speed_m_per_s,
+        }
+    }
+
     /// The builder with its own parameters; a lattice without a side is refused where it is made.
     pub fn builder(self) -> Builder {
         let Self {

@@ -33,15 +33,16 @@ use fleetyard_core::json::{
     self, Listed, ReadList, checked, named, push_lines, read_key, read_object, with_hint,
 };
 use fleetyard_core::{
-    Digest, Grid, Hasher, InputError, load_file, load_map, shown, write_atomically,
+    Digest, Grid, Hasher, InputError, load_file, load_map, shown, words, write_atomically,
 };
 use fleetyard_sim::motion::{Fleet, Profile, load_fleet};
 use fleetyard_world::{
-    Boundary, DYNAMICS_TOLERANCE, Placement, Polygon, Pose, Shape, Workspace, common_radius_m,
-    load_workspace, separation_m,
+    Boundary, Bounds, BoxIndex, DYNAMICS_TOLERANCE, Placement, Polygon, Pose, Shape, Workspace,
+    common_radius_m, load_workspace, separation_m,
 };
-use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, SeqAccess};
+use serde::ser::Serializer;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::Free;
@@ -142,11 +143,14 @@ impl State {
     fn pose(self) -> Pose {
         Pose::new(self.x_m, self.y_m, self.heading_rad.unwrap_or(0.0))
     }
+}
 
-    fn json(self) -> Value {
+/// As task files have it: `[x, y]` or `[x, y, heading]`.
+impl Serialize for State {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self.heading_rad {
-            Some(heading) => json!([self.x_m, self.y_m, heading]),
-            None => json!([self.x_m, self.y_m]),
+            Some(heading) => [self.x_m, self.y_m, heading].serialize(serializer),
+            None => [self.x_m, self.y_m].serialize(serializer),
         }
     }
 }
@@ -217,8 +221,9 @@ fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
     json::format(deserializer, TASK_FORMAT)
 }
 
-/// A length or an angle that is above 0 and finite.
-struct Positive(f64);
+/// A length in metres or an angle in radians of a file: between 1e-6 and 1e6.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Positive(pub f64);
 
 impl<'de> Deserialize<'de> for Positive {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -415,7 +420,7 @@ pub fn write_task(task: &Task) -> Vec<u8> {
     push_lines(&mut text, "agents", &task.agents, |text, agent| {
         let robot = kinds.map(|kinds| json!(kinds[agent.robot as usize].0));
         let robot = robot.map(|robot| format!("\"robot\": {robot}, "));
-        let (start, goal) = (agent.start.json(), agent.goal.json());
+        let (start, goal) = (json!(agent.start), json!(agent.goal));
         let robot = robot.unwrap_or_default();
         let _ = write!(text, "{{{robot}\"start\": {start}, \"goal\": {goal}}}");
     });
@@ -538,7 +543,7 @@ impl Problem {
         hasher.u64(self.task.agents.len() as u64);
         for (agent, kind) in self.task.agents.iter().zip(self.fleet.profile_of()) {
             hasher.value(&self.fleet.profiles()[*kind as usize]);
-            hasher.value(&[agent.start.json(), agent.goal.json()]);
+            hasher.value(&[agent.start, agent.goal]);
         }
         hasher.f64(self.task.goal_tolerance_m);
         hasher.f64(self.task.goal_tolerance_rad);
@@ -553,57 +558,147 @@ impl Problem {
 
     /// Refuses starts and goals at which a robot is not free, or two robots are in each other.
     fn check(&self) -> Result<(), InputError> {
+        let fault = self.faults(1).into_iter().next();
+        fault.map_or(Ok(()), |Fault { reason, hint, .. }| {
+            Err(InputError::new(self.task.source.as_str(), reason).hint(hint))
+        })
+    }
+
+    /// The starts and goals at which a robot is not free, by agents, and then those at which two robots
+    /// are in each other, by pairs: at most `limit`. Without any the problem is one that
+    /// [`load_problem`] takes, if it has an agent.
+    pub fn faults(&self, limit: usize) -> Vec<Fault> {
         let free = Free::new(&self.world);
-        let source = self.task.source.as_str();
+        let solid = Solid::new(&self.world);
+        let mut faults = Vec::new();
         for (number, agent) in self.task.agents.iter().enumerate() {
-            for (what, state) in [("start", agent.start), ("goal", agent.goal)] {
+            for (end, state) in [(End::Start, agent.start), (End::Goal, agent.goal)] {
+                if faults.len() >= limit {
+                    return faults;
+                }
                 let shape = self.shape(number);
                 let [x, y] = state.at_m();
                 if free.holds([x, y], shape.effective_radius_m()) {
                     continue;
                 }
-                let fault = |reason: String| {
-                    let place = format!("the {what} of agent {number} at ({x}, {y}) is {reason}");
-                    Err(InputError::new(source, place)
-                        .hint("move it, or give the agent a smaller footprint"))
+                let depth = solid.depth_m(shape, state);
+                let reason = if !free.is_inside([x, y]) {
+                    "outside of the free space".to_owned()
+                } else if depth > FORGIVEN_M {
+                    format!("{depth:.4} m inside an obstacle or the edge")
+                } else {
+                    continue;
                 };
-                let depth = self.depth_m(shape, state);
-                if !free.is_inside([x, y]) {
-                    return fault("outside of the free space".to_owned());
+                faults.push(Fault {
+                    end,
+                    agents: vec![number],
+                    reason: format!("the {end} of agent {number} at ({x}, {y}) is {reason}"),
+                    hint: "move it, or give the agent a smaller footprint",
+                });
+            }
+        }
+        for end in [End::Start, End::Goal] {
+            let states = self.task.agents.iter().map(|agent| end.of(agent));
+            let room = limit - faults.len();
+            let found = self.overlaps(&states.collect::<Vec<_>>(), room);
+            faults.extend(found.into_iter().map(|(first, second, depth)| Fault {
+                end,
+                agents: vec![first, second],
+                reason: format!(
+                    "the {end}s of agents {first} and {second} overlap by {depth:.4} m"
+                ),
+                hint: "move one of them",
+            }));
+        }
+        faults
+    }
+
+    /// The first pairs of robots that overlap when all are at these places, and by how much.
+    fn overlaps(&self, states: &[State], limit: usize) -> Vec<(usize, usize, f64)> {
+        let boxes = states.iter().enumerate();
+        let boxes = boxes.map(|(agent, state)| self.shape(agent).bounds(state.pose()));
+        let boxes: Vec<Bounds> = boxes.collect();
+        let index = BoxIndex::new(boxes.clone());
+        let (mut found, mut near) = (Vec::new(), Vec::new());
+        for (first, state) in states.iter().enumerate() {
+            near.clear();
+            index.near(boxes[first], &mut near);
+            let others = near.iter().map(|other| *other as usize);
+            for second in others.filter(|other| *other > first) {
+                if found.len() >= limit {
+                    return found;
                 }
+                let (one, other) = (self.shape(first), self.shape(second));
+                let depth = -separation_m(one, state.pose(), other, states[second].pose());
                 if depth > FORGIVEN_M {
-                    return fault(format!("{depth:.4} m inside an obstacle or the edge"));
+                    found.push((first, second, depth));
                 }
             }
         }
-        for (what, states) in [
-            (
-                "starts",
-                self.task
-                    .agents
-                    .iter()
-                    .map(|agent| agent.start)
-                    .collect::<Vec<_>>(),
-            ),
-            (
-                "goals",
-                self.task.agents.iter().map(|agent| agent.goal).collect(),
-            ),
-        ] {
-            if let Some((first, second, depth)) = self.overlap(&states) {
-                let reason =
-                    format!("the {what} of agents {first} and {second} overlap by {depth:.4} m");
-                return Err(InputError::new(source, reason).hint("move one of them"));
-            }
+        found
+    }
+}
+
+/// A reason for which a problem is none that planners are given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fault {
+    /// The places at fault are starts or goals.
+    pub end: End,
+    /// The agents at fault, ascending.
+    pub agents: Vec<usize>,
+    /// The reason, in one sentence without a full stop.
+    pub reason: String,
+    /// A way out.
+    pub hint: &'static str,
+}
+
+/// One of the two places of an agent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The one at the beginning.
+    Start,
+    /// The one at which it is to come to rest.
+    Goal,
+}
+
+words!(End {
+    Start = "start";
+    Goal = "goal";
+});
+
+impl End {
+    /// This place of an agent.
+    pub fn of(self, agent: &Agent) -> State {
+        match self {
+            Self::Start => agent.start,
+            Self::Goal => agent.goal,
         }
-        Ok(())
+    }
+}
+
+/// Things that a robot can be in: obstacles by place, and the edge of the world.
+struct Solid<'a> {
+    world: &'a Workspace,
+    index: BoxIndex,
+}
+
+impl<'a> Solid<'a> {
+    fn new(world: &'a Workspace) -> Self {
+        let boxes = world.obstacles.iter().map(Polygon::bounds).collect();
+        let index = BoxIndex::new(boxes);
+        Self { world, index }
     }
 
     /// Depth of a shape in an obstacle or beyond the edge of the world, in metres.
     fn depth_m(&self, shape: &Shape, state: State) -> f64 {
         let pose = state.pose();
         let at = Placement::from(pose);
-        let solid = self.world.obstacles.iter().flat_map(Polygon::parts);
+        let mut near = Vec::new();
+        self.index.near(shape.bounds(pose), &mut near);
+        let obstacles = near
+            .iter()
+            .map(|number| &self.world.obstacles[*number as usize]);
+        let solid = obstacles.flat_map(Polygon::parts);
         let edge = self.world.boundary.iter().flat_map(Boundary::outside);
         let into = solid
             .chain(edge)
@@ -625,29 +720,6 @@ impl Problem {
             low.max(high)
         });
         into.max(over[0]).max(over[1])
-    }
-
-    /// The first two robots that overlap when all are at these places, and by how much.
-    fn overlap(&self, states: &[State]) -> Option<(usize, usize, f64)> {
-        let reach = 2.0 * self.common_radius_m();
-        let mut order: Vec<usize> = (0..states.len()).collect();
-        order.sort_by(|a, b| states[*a].x_m.total_cmp(&states[*b].x_m).then(a.cmp(b)));
-        let mut found: Option<(usize, usize, f64)> = None;
-        for (at, one) in order.iter().enumerate() {
-            for other in &order[at + 1..] {
-                let (a, b) = (states[*one], states[*other]);
-                if b.x_m - a.x_m > reach {
-                    break;
-                }
-                let (low, high) = (*one.min(other), *one.max(other));
-                let depth = -separation_m(self.shape(*one), a.pose(), self.shape(*other), b.pose());
-                let is_first = found.is_none_or(|(i, j, _)| (low, high) < (i, j));
-                if depth > FORGIVEN_M && is_first {
-                    found = Some((low, high, depth));
-                }
-            }
-        }
-        found
     }
 }
 

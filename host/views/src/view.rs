@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetyard_core::json::{self, read_object, with_hint};
+use fleetyard_core::json::{self, read_object};
 use fleetyard_core::{
     Connectivity, Digest, InputError, Roadmap, Separation, load_file, load_roadmap,
 };
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer};
 
+use crate::grid::neighbors;
 use crate::origin::{WORLD_TO_GRID, WORLD_TO_ROADMAP};
 use crate::{
     Builder, GridSpec, GridView, Problem, Representation, RoadmapSpec, RoadmapView, VIEW_FORMAT,
@@ -191,7 +192,7 @@ pub fn read_view(source: &str, bytes: &[u8]) -> Result<ViewFile, InputError> {
                 digest: GridDigest { instance_digest },
             } = object(source, bytes)?;
             let GridParameters {
-                neighbors: Neighbors(connectivity),
+                neighbors: connectivity,
                 separation,
             } = origin.parameters;
             Ok(ViewFile {
@@ -288,23 +289,9 @@ struct RoadmapDigest {
 #[derive(Deserialize)]
 #[serde(expecting = "the parameters of a grid: an object")]
 struct GridParameters {
-    neighbors: Neighbors,
+    #[serde(deserialize_with = "neighbors")]
+    neighbors: Connectivity,
     separation: Separation,
-}
-
-/// Moves of a grid by their number.
-struct Neighbors(Connectivity);
-
-impl<'de> Deserialize<'de> for Neighbors {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let degree = u32::deserialize(deserializer)?;
-        let all = [Connectivity::Four, Connectivity::Eight];
-        let found = all.into_iter().find(|moves| moves.degree() == degree);
-        found.map(Self).ok_or_else(|| {
-            let reason = format!("a cell with {degree} neighbours");
-            with_hint(&reason, Some("grids have 4 or 8 neighbours"))
-        })
-    }
 }
 
 #[derive(Deserialize)]

@@ -10,15 +10,19 @@
 //! simple polygons", 1985 (the joining).
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use geo::kernels::{Kernel, Orientation};
 use geo::{GeoNum, Intersects, Line, LineString, TriangulateEarcut, coord};
 
 use crate::{Bounds, Pose, Shape};
 
-/// A simple polygon with an area: what an obstacle covers.
+/// A simple polygon with an area: what an obstacle covers. Copies share what it is made of.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Polygon {
+pub struct Polygon(Arc<Outline>);
+
+#[derive(Debug, PartialEq)]
+struct Outline {
     vertices: Vec<[f64; 2]>,
     parts: Vec<(Pose, Shape)>,
     bounds: Bounds,
@@ -103,11 +107,11 @@ impl Polygon {
             return Err(PolygonError::NoArea);
         }
         let bounds = Bounds::of(&vertices);
-        Ok(Self {
+        Ok(Self(Arc::new(Outline {
             vertices,
             parts,
             bounds,
-        })
+        })))
     }
 
     /// A rectangle around a centre, turned by an angle in radians.
@@ -135,23 +139,23 @@ impl Polygon {
 
     /// Corners in metres, counter-clockwise.
     pub fn vertices(&self) -> &[[f64; 2]] {
-        &self.vertices
+        &self.0.vertices
     }
 
     /// Convex shapes and where they are; together they cover the polygon and
     /// nothing else, and they overlap only in their borders.
     pub fn parts(&self) -> &[(Pose, Shape)] {
-        &self.parts
+        &self.0.parts
     }
 
     /// The smallest box around the polygon.
     pub fn bounds(&self) -> Bounds {
-        self.bounds
+        self.0.bounds
     }
 
     /// The area in square metres.
     pub fn area_m2(&self) -> f64 {
-        0.5 * double_area(&self.vertices)
+        0.5 * double_area(self.vertices())
     }
 }
 

@@ -14,22 +14,27 @@ pub struct ScenarioSpec {
 }
 
 impl ScenarioSpec {
-    /// The scenario on `grid`; its entries name the map `NAME.map`.
+    /// The scenario on `grid`; its entries name the map `NAME.map`, and are those of
+    /// [`ScenarioSpec::draw`].
+    pub fn generate(&self, grid: &Grid) -> Result<Scenario, InputError> {
+        let map = format!("{}.map", grid.name());
+        Ok(Scenario::of(grid, &map, self.draw(grid)?))
+    }
+
+    /// The most agents of a scenario on `grid`: its free cells that have a free neighbour.
+    pub fn most(grid: &Grid) -> usize {
+        let (_, pools) = pieces(grid);
+        let rooms = pools.iter().map(Vec::len).filter(|cells| *cells > 1);
+        rooms.sum()
+    }
+
+    /// Starts and goals, as cells of `grid`.
     ///
     /// Starts are drawn uniformly from the free cells that have a free
     /// neighbour, goals uniformly from the same piece of the map. No start occurs
     /// twice, no goal occurs twice, and nobody's goal is its own start.
-    pub fn generate(&self, grid: &Grid) -> Result<Scenario, InputError> {
-        let component = grid.components(Connectivity::Four);
-        let pieces = component.iter().copied().max().unwrap_or(0) as usize;
-        let mut pools: Vec<Vec<u32>> = vec![Vec::new(); pieces + 1];
-        for (cell, label) in component
-            .iter()
-            .enumerate()
-            .filter(|(_, label)| **label > 0)
-        {
-            pools[*label as usize].push(cell as u32);
-        }
+    pub fn draw(&self, grid: &Grid) -> Result<Vec<(u32, u32)>, InputError> {
+        let (component, mut pools) = pieces(grid);
         let mut random = SeededRandom::new("scenario", self.seed);
         // A piece of one cell has no goal to go to.
         let mut starts: Vec<u32> = pools
@@ -56,9 +61,19 @@ impl ScenarioSpec {
             random.shuffle(pool);
         }
         let goals = draw_goals(&starts, &component, pools);
-        let map = format!("{}.map", grid.name());
-        Ok(Scenario::of(grid, &map, starts.into_iter().zip(goals)))
+        Ok(starts.into_iter().zip(goals).collect())
     }
+}
+
+/// The number of each cell's piece of the map, 0 for blocked cells, and the cells of each piece.
+fn pieces(grid: &Grid) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let component = grid.components(Connectivity::Four);
+    let pieces = component.iter().copied().max().unwrap_or(0) as usize;
+    let mut pools: Vec<Vec<u32>> = vec![Vec::new(); pieces + 1];
+    for (cell, label) in (0..).zip(&component).filter(|(_, label)| **label > 0) {
+        pools[*label as usize].push(cell);
+    }
+    (component, pools)
 }
 
 /// A goal for every start from the shuffled pool of its piece. A pool has as

@@ -29,8 +29,9 @@ use std::path::Path;
 
 use fleetyard_core::json::{checked, push_lines, read_object, with_hint};
 use fleetyard_core::{Digest, Hasher, InputError, load_file, write_atomically};
-use serde::Deserialize;
 use serde::de::Deserializer;
+use serde::ser::Serializer;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::{Boundary, Bounds, Footprint, Polygon, Pose, Shape};
@@ -128,6 +129,38 @@ impl Mover {
 }
 
 impl Workspace {
+    /// A world of which either the rectangle or the edge is given, as its file has it.
+    pub fn new(
+        name: String,
+        bounds: Option<Bounds>,
+        boundary: Option<Boundary>,
+        obstacles: Vec<Polygon>,
+        movers: Vec<Mover>,
+    ) -> Result<Self, InputError> {
+        let bounds = match (bounds, &boundary) {
+            (Some(bounds), None) => bounds,
+            (None, Some(boundary)) => boundary.polygon().bounds(),
+            (given, _) => {
+                let reason = if given.is_some() {
+                    "there are both bounds_m and boundary_m"
+                } else {
+                    "there are neither bounds_m nor boundary_m"
+                };
+                return Err(InputError::new("world", reason).hint(
+                    "give bounds_m [left, bottom, right, top] of a rectangle, or boundary_m with the \
+                     corners of another edge",
+                ));
+            }
+        };
+        Ok(Self {
+            name,
+            bounds,
+            boundary,
+            obstacles,
+            movers,
+        })
+    }
+
     /// Digest of bounds, obstacles and movers; the name is no part of it.
     pub fn digest(&self) -> Digest {
         let mut hasher = Hasher::new(WORLD_FORMAT);
@@ -168,46 +201,36 @@ pub fn read_workspace(source: &str, bytes: &[u8]) -> Result<Workspace, InputErro
     let hint = "a world file is a JSON object with format, bounds_m, obstacles and movers";
     let read: Result<Document, InputError> = read_object(source, bytes, hint);
     let document = read.map_err(|error| error.or_hint(hint))?;
-    let Format = document.format;
-    let boundary = document.boundary_m.map(|file| file.0);
-    let bounds = match (document.bounds_m, &boundary) {
-        (Some(BoundsOfFile(bounds)), None) => bounds,
-        (None, Some(boundary)) => boundary.polygon().bounds(),
-        (given, _) => {
-            let reason = if given.is_some() {
-                "there are both bounds_m and boundary_m"
-            } else {
-                "there are neither bounds_m nor boundary_m"
-            };
-            return Err(InputError::new(source, reason).hint(
-                "give bounds_m [left, bottom, right, top] of a rectangle, or boundary_m with the \
-                 corners of another edge",
-            ));
-        }
-    };
-    Ok(Workspace {
-        name: document.name,
-        bounds,
-        boundary,
-        obstacles: document.obstacles.into_iter().map(|file| file.0).collect(),
-        movers: document.movers.into_iter().map(|file| file.0).collect(),
+    let Document {
+        _format,
+        name,
+        bounds_m,
+        boundary_m,
+        obstacles,
+        movers,
+    } = document;
+    let world = Workspace::new(name, bounds_m, boundary_m, obstacles, movers);
+    world.map_err(|error| InputError {
+        source: source.to_owned(),
+        ..error
     })
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a world: a JSON object")]
 struct Document {
-    format: Format,
+    #[serde(rename = "format")]
+    _format: Format,
     #[serde(default)]
     name: String,
     #[serde(default)]
-    bounds_m: Option<BoundsOfFile>,
+    bounds_m: Option<Bounds>,
     #[serde(default)]
-    boundary_m: Option<BoundaryOfFile>,
+    boundary_m: Option<Boundary>,
     #[serde(default)]
-    obstacles: Vec<ObstacleOfFile>,
+    obstacles: Vec<Polygon>,
     #[serde(default)]
-    movers: Vec<MoverOfFile>,
+    movers: Vec<Mover>,
 }
 
 struct Format;
@@ -227,9 +250,8 @@ impl<'de> Deserialize<'de> for Format {
     }
 }
 
-struct BoundsOfFile(Bounds);
-
-impl<'de> Deserialize<'de> for BoundsOfFile {
+/// As world files have it: `[left, bottom, right, top]`, an area.
+impl<'de> Deserialize<'de> for Bounds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let [x0, y0, x1, y1] = <[f64; 4]>::deserialize(deserializer)?;
         let most = Polygon::MOST_M;
@@ -239,16 +261,22 @@ impl<'de> Deserialize<'de> for BoundsOfFile {
             let hint = "give [left, bottom, right, top] in metres";
             return Err(with_hint(&reason, Some(hint)));
         }
-        Ok(Self(Bounds {
+        Ok(Self {
             min: [x0, y0],
             max: [x1, y1],
-        }))
+        })
     }
 }
 
-struct BoundaryOfFile(Boundary);
+impl Serialize for Bounds {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let ([x0, y0], [x1, y1]) = (self.min, self.max);
+        [x0, y0, x1, y1].serialize(serializer)
+    }
+}
 
-impl<'de> Deserialize<'de> for BoundaryOfFile {
+/// As world files have it: the list of its corners.
+impl<'de> Deserialize<'de> for Boundary {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let vertices = Vec::<[f64; 2]>::deserialize(deserializer)?;
         let boundary = Boundary::new(&vertices);
@@ -256,13 +284,18 @@ impl<'de> Deserialize<'de> for BoundaryOfFile {
             let reason = format!("boundary_m is no edge: {error}");
             with_hint(&reason, Some(error.hint()))
         };
-        boundary.map(Self).map_err(refuse)
+        boundary.map_err(refuse)
     }
 }
 
-struct ObstacleOfFile(Polygon);
+impl Serialize for Boundary {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.polygon().vertices().serialize(serializer)
+    }
+}
 
-impl<'de> Deserialize<'de> for ObstacleOfFile {
+/// As world files have it: `{"polygon": …}` or `{"rectangle": …}`.
+impl<'de> Deserialize<'de> for Polygon {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(rename_all = "lowercase", deny_unknown_fields)]
@@ -276,7 +309,7 @@ impl<'de> Deserialize<'de> for ObstacleOfFile {
             },
         }
         let expected = "an obstacle: an object with polygon or rectangle";
-        let polygon = checked(deserializer, expected, |outline| {
+        checked(deserializer, expected, |outline| {
             let polygon = match outline {
                 Outline::Polygon(vertices) => Polygon::new(&vertices),
                 Outline::Rectangle {
@@ -286,14 +319,24 @@ impl<'de> Deserialize<'de> for ObstacleOfFile {
                 } => Polygon::rectangle(center, size, angle_rad),
             };
             polygon.map_err(|error| with_hint(&error, Some(error.hint())))
-        });
-        polygon.map(Self)
+        })
     }
 }
 
-struct MoverOfFile(Mover);
+/// A rectangle is written as the polygon that it is.
+impl Serialize for Polygon {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Raw<'a> {
+            polygon: &'a [[f64; 2]],
+        }
+        let polygon = self.vertices();
+        Raw { polygon }.serialize(serializer)
+    }
+}
 
-impl<'de> Deserialize<'de> for MoverOfFile {
+/// As world files have it: footprint and knots.
+impl<'de> Deserialize<'de> for Mover {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
@@ -302,33 +345,43 @@ impl<'de> Deserialize<'de> for MoverOfFile {
             knots: Vec<[f64; 4]>,
         }
         let expected = "a mover: an object with footprint and knots";
-        let mover = checked(deserializer, expected, |raw: Raw| {
+        checked(deserializer, expected, |raw: Raw| {
             let knots = raw.knots.iter();
             let knots: Vec<(f64, Pose)> = knots
                 .map(|[time_s, x, y, heading]| (*time_s, Pose::new(*x, *y, *heading)))
                 .collect();
             Mover::new(raw.footprint, &knots)
                 .map_err(|error| with_hint(&error.reason, error.hint.as_deref()))
-        });
-        mover.map(Self)
+        })
+    }
+}
+
+impl Serialize for Mover {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Raw<'a> {
+            footprint: &'a Footprint,
+            knots: Vec<[f64; 4]>,
+        }
+        let knots = self.times_s.iter().zip(&self.poses);
+        let knots = knots.map(|(time_s, pose)| [*time_s, pose.x, pose.y, pose.heading]);
+        Raw {
+            footprint: &self.footprint,
+            knots: knots.collect(),
+        }
+        .serialize(serializer)
     }
 }
 
 /// The content of a world file, one obstacle or mover per line. Rectangles are
 /// written as the polygons that they are.
 pub fn write_workspace(workspace: &Workspace) -> Vec<u8> {
-    let ([x0, y0], [x1, y1]) = (workspace.bounds.min, workspace.bounds.max);
-    let obstacles = workspace.obstacles.iter();
-    let obstacles = obstacles.map(|polygon| json!({ "polygon": polygon.vertices() }));
-    let movers = workspace.movers.iter().map(|mover| {
-        let knots = mover.times_s.iter().zip(&mover.poses);
-        let knots = knots.map(|(time_s, pose)| json!([time_s, pose.x, pose.y, pose.heading]));
-        json!({ "footprint": mover.footprint, "knots": knots.collect::<Vec<_>>() })
-    });
+    let obstacles = workspace.obstacles.iter().map(|polygon| json!(polygon));
+    let movers = workspace.movers.iter().map(|mover| json!(mover));
     let name = json!(workspace.name);
     let (key, bounds) = match &workspace.boundary {
-        Some(boundary) => ("boundary_m", json!(boundary.polygon().vertices())),
-        None => ("bounds_m", json!([x0, y0, x1, y1])),
+        Some(boundary) => ("boundary_m", json!(boundary)),
+        None => ("bounds_m", json!(workspace.bounds)),
     };
     let mut text = format!(
         "{{\n  \"format\": \"{WORLD_FORMAT}\",\n  \"name\": {name},\n  \"{key}\": {bounds},\n"

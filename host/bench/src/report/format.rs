@@ -1,4 +1,4 @@
-//! Numbers as text, alike in tables, Markdown and pages (`numbers.js` of the viewer).
+//! Numbers as text, alike in tables, Markdown and the page (`page/numbers.js`).
 
 /// The text for an absent value.
 pub(super) const NONE: &str = "–";

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use fleetyard_view::{Shell, embedded, escape, joined};
+use fleetyard_view::{Shell, embedded, escape};
 use serde::Serialize;
 
 use super::Report;
@@ -23,7 +23,7 @@ use crate::{COLUMNS, ColumnType, Places, Row};
 const BODY: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 
-/// The script, a module of the viewer's that is all of these.
+/// The script, which is one function around all of these.
 const SCRIPT: [&str; 9] = [
     include_str!("page/start.js"),
     include_str!("page/data.js"),
@@ -202,7 +202,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
     let shell = Shell {
         title: &report.subject.title,
         style: STYLE,
-        script: &[&joined(&SCRIPT.concat())],
+        script: &SCRIPT,
         body: BODY,
     };
     shell.page(&[

@@ -4,7 +4,7 @@ use fleetyard_check::Pace;
 use fleetyard_core::document::{Place, Value};
 use fleetyard_core::{Connectivity, Hasher, InputError, Separation, shown};
 use fleetyard_views::{
-    Builder, BuilderKind, BuilderParameters, GridSpec, PlanTerms, Problem, Representation,
+    Builder, BuilderKind, GridSpec, PlanTerms, Problem, Representation, RoadmapParameters,
     RoadmapSpec, View, ViewName, ViewSpec,
 };
 use serde_json::{Map, Value as Json};
@@ -249,7 +249,7 @@ fn builder(table: &Value<'_>) -> Result<Builder, InputError> {
     if kind == BuilderKind::Lattice {
         table.require("side")?;
     }
-    let parameters: BuilderParameters = table.part(BUILDER).read()?;
+    let parameters: RoadmapParameters = table.part(BUILDER).read()?;
     Ok(parameters.builder())
 }
 

@@ -17,7 +17,7 @@ use fleetyard_core::{
 use fleetyard_sim::SimConfig;
 use fleetyard_views::{Problem, Representation, View, load_problem};
 
-use super::task::{Chosen, ViewArgs, cells_of, motions_of, place, representation, visits_of};
+use super::task::{Chosen, ViewArgs, place};
 use crate::args::{VIEW, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::file_name;
@@ -153,7 +153,7 @@ fn deliver(to: &Path, written: &Written, inputs: &[&Path]) -> Result<Exit> {
 fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<Exit> {
     let problem = load_problem(task)?;
     let file = UnreadPlan::load(from, arguments.from)?;
-    let of_plan = representation(file.format());
+    let of_plan = Representation::of_plans(file.format());
     let named = !arguments.view.is_open();
     let named = named.then(|| arguments.view.choose(of_plan)).transpose()?;
     let format = match (arguments.to, of_plan) {
@@ -167,7 +167,7 @@ fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<E
         let reason = format!("{format} has no plan, and with --task plans are converted");
         return Err(Failure::new(Exit::Usage, reason).hint(TASK_FORMATS));
     }
-    let goal = representation(format);
+    let goal = Representation::of_plans(format);
     let kind = match (of_plan, goal) {
         (Representation::Continuous, kind) | (kind, Representation::Continuous)
             if of_plan != goal =>
@@ -213,7 +213,7 @@ fn of_task(arguments: &Convert, task: &Path, from: &Path, to: &Path) -> Result<E
             ..Parts::default()
         }
     } else {
-        let plan = motions_of(&problem, &file)?;
+        let plan = problem.read(&file)?;
         check_agents(&plan, &problem)?;
         lowered(&view, plan, step_s, arguments.plan_encoding)?
     };
@@ -260,19 +260,19 @@ fn lifted(
     };
     let (planner, plan) = match view {
         View::Grid(view) => {
-            let file = cells_of(view, file)?;
+            let file = view.read(file)?;
             let plan = view.lift(&file.plan, step_s);
             let plan = plan.map_err(|error| refused(error.to_string(), error.hint()))?;
             (file.planner, plan)
         }
         View::Roadmap(view) => {
-            let file = visits_of(view, file)?;
+            let file = view.read(file)?;
             let plan = view.lift(&file.plan);
             let plan = plan.map_err(|error| refused(error.to_string(), error.hint()))?;
             (file.planner, plan)
         }
         View::Continuous => {
-            let file = motions_of(problem, file)?;
+            let file = problem.read(file)?;
             (file.planner, file.plan)
         }
     };

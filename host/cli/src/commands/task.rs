@@ -10,9 +10,7 @@ use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
 };
-use fleetyard_core::{
-    Digest, InputError, MotionFile, PlanFile, Roadmap, RoadmapPlanFile, TrajectoryFile,
-};
+use fleetyard_core::{Digest, InputError, Roadmap, TrajectoryFile};
 use fleetyard_views::{
     Given, GridTerms, GridView, Judged, PlanTerms, Problem, Representation, RoadmapView, StepCosts,
     View, ViewFile, ViewSpec, ViewVerdict, load_problem, load_view,
@@ -185,7 +183,7 @@ impl TaskArgs {
     ) -> Result<Judgement> {
         let problem = load_problem(task)?;
         let file = UnreadPlan::load(plan, format)?;
-        let of_plan = representation(file.format());
+        let of_plan = Representation::of_plans(file.format());
         let chosen = self.view.choose(of_plan)?;
         check_kind(&file, of_plan, chosen.representation(), chosen.argument())?;
         let view = chosen.derive(&problem)?;
@@ -202,7 +200,7 @@ impl TaskArgs {
             }
             View::Roadmap(view) => self.judge_roadmap(&problem, view, &file, listed)?,
             View::Continuous => {
-                let TrajectoryFile { source, plan, .. } = motions_of(&problem, &file)?;
+                let TrajectoryFile { source, plan, .. } = problem.read(&file)?;
                 let agents = 0..problem.fleet.agents();
                 check_headings(&source, &plan, agents.map(|agent| problem.shape(agent)))?;
                 (problem.judge(&plan, listed), plan.digest())
@@ -229,7 +227,7 @@ impl TaskArgs {
         file: &UnreadPlan,
         listed: usize,
     ) -> Result<(Judged, Digest)> {
-        let file = visits_of(view, file)?;
+        let file = view.read(file)?;
         let judged = view.judge(problem, &file.plan, self.view.pace, listed)?;
         Ok((judged, file.plan.digest()))
     }
@@ -244,7 +242,7 @@ fn judge_grid(
     listed: usize,
 ) -> Result<(Judged, Digest, bool)> {
     let instance = &view.instance;
-    let file = cells_of(view, file)?;
+    let file = view.read(file)?;
     let terms = GridTerms {
         separation: terms.separation,
         step_s: terms.step_s,
@@ -253,58 +251,6 @@ fn judge_grid(
     let size = grid_size(instance.grid());
     let turned = !judged.is_valid() && looks_transposed(size, instance.starts(), &file.plan);
     Ok((judged, Digest::of_plan(&file.plan), turned))
-}
-
-/// The plan of a grid view in a file.
-pub(super) fn cells_of(view: &GridView, file: &UnreadPlan) -> Result<PlanFile> {
-    let file = file.grid(grid_size(view.instance.grid()))?;
-    file.check_for(&view.instance).map_err(|error| {
-        error.hint(
-            "the cells of a view follow from --connectivity and --separation; name the file \
-             that `fleetyard world grid` wrote with --view, or remove instance_digest from the plan",
-        )
-    })?;
-    Ok(file)
-}
-
-/// The plan of a roadmap view in a file.
-pub(super) fn visits_of(view: &RoadmapView, file: &UnreadPlan) -> Result<RoadmapPlanFile> {
-    let file = file.roadmap()?;
-    file.check_for(&view.roadmap).map_err(|error| {
-        error.hint(
-            "a roadmap follows from --builder and its parameters; name the file that \
-             `fleetyard world roadmap` wrote with --view, or a roadmap with --roadmap, or remove \
-             roadmap_digest from the plan",
-        )
-    })?;
-    Ok(file)
-}
-
-/// The plan in the plane in a file: where it has controls alone, the motion from the task's starts.
-pub(super) fn motions_of(problem: &Problem, file: &UnreadPlan) -> Result<TrajectoryFile> {
-    match file.motions()? {
-        MotionFile::Paths(file) => Ok(file),
-        MotionFile::Controls(file) => {
-            let plan = problem.motions(&file.controls.into());
-            let plan = plan.map_err(|reason| InputError::new(file.source.as_str(), reason))?;
-            Ok(TrajectoryFile {
-                source: file.source,
-                planner: file.planner,
-                ..TrajectoryFile::new(plan)
-            })
-        }
-    }
-}
-
-/// The kind of views that plans in a format are of.
-pub(super) fn representation(format: FileFormat) -> Representation {
-    if format.carries_plan() {
-        Representation::Grid
-    } else if format.carries_roadmap() {
-        Representation::Roadmap
-    } else {
-        Representation::Continuous
-    }
 }
 
 pub(super) fn place(representation: Representation) -> &'static str {

@@ -10,9 +10,9 @@ use fleetyard_core::{
 };
 use fleetyard_view::{Picture, World};
 use fleetyard_views::{
-    Builder, BuilderKind, BuilderParameters, GridSpec, GridView, OverlayReport, OverlaySpec,
-    Problem, RoadmapSpec, Sampling, grid_to_roadmap, grid_to_world, load_problem, roadmap_to_grid,
-    roadmap_to_world, world_to_grid, world_to_roadmap,
+    Builder, BuilderKind, GridSpec, GridView, OverlayReport, OverlaySpec, Problem,
+    RoadmapParameters, RoadmapSpec, Sampling, grid_to_roadmap, grid_to_world, load_problem,
+    roadmap_to_grid, roadmap_to_world, world_to_grid, world_to_roadmap,
 };
 use fleetyard_world::write_workspace;
 use serde::Serialize;
@@ -186,10 +186,10 @@ struct BuilderArgs {
           conflicts_with_all = ["vertices", "neighbors", "builder"])]
     density: Option<String>,
     /// Drawn vertices, beside starts and goals
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().vertices)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = RoadmapParameters::default().vertices)]
     vertices: usize,
     /// Neighbours with which a vertex is joined, if it sees them
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().neighbors)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = RoadmapParameters::default().neighbors)]
     neighbors: usize,
     /// Origin of drawn vertices
     #[arg(long, help_heading = VIEW, value_parser = word::<Sampling>(), default_value_t)]
@@ -198,17 +198,17 @@ struct BuilderArgs {
     #[arg(long, help_heading = VIEW, value_name = "METRES", required_if_eq("builder", "lattice"))]
     side: Option<f64>,
     /// Directions of a lattice's edges: 4, 8, 16 or 32
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().directions)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = RoadmapParameters::default().directions)]
     directions: u32,
     /// Sides of the polygons that stand for circles round corners, for tangent graphs
-    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = BuilderParameters::default().sides)]
+    #[arg(long, help_heading = VIEW, value_name = "N", default_value_t = RoadmapParameters::default().sides)]
     sides: u32,
 }
 
 impl BuilderArgs {
     fn builder(&self) -> Builder {
         let known = self.density.as_deref().and_then(Builder::preset);
-        let parameters = BuilderParameters {
+        let parameters = RoadmapParameters {
             kind: self.builder,
             vertices: self.vertices,
             neighbors: self.neighbors,
@@ -216,6 +216,7 @@ impl BuilderArgs {
             side_m: self.side,
             directions: self.directions,
             sides: self.sides,
+            ..RoadmapParameters::default()
         };
         known.unwrap_or_else(|| parameters.builder())
     }

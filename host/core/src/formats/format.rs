@@ -250,7 +250,7 @@ fn found<'a>(pattern: &LazyLock<Option<Regex>>, text: &'a [u8]) -> Option<&'a [u
 }
 
 /// The word that a JSON file of this project has in its key `format`, if that is near its begin.
-pub(crate) fn own_format(bytes: &[u8]) -> Option<&[u8]> {
+pub fn own_format(bytes: &[u8]) -> Option<&[u8]> {
     static OWN: LazyLock<Option<Regex>> =
         LazyLock::new(|| Regex::new(r#""format"\s*:\s*"fleetyard\.([a-z-]+)/"#).ok());
     found(&OWN, &bytes[..bytes.len().min(HEAD)])
@@ -561,6 +561,12 @@ impl UnreadPlan {
     /// Reads the file, in the format that it is in if none is given. The path `-` is standard input.
     pub fn load(path: &Path, format: Option<Format>) -> Result<Self, InputError> {
         let (path, bytes) = read_input(path)?;
+        Self::new(path, bytes, format)
+    }
+
+    /// The content of a file that was read; its path is named in errors, and other files that it names
+    /// are found from its folder.
+    pub fn new(path: PathBuf, bytes: Vec<u8>, format: Option<Format>) -> Result<Self, InputError> {
         let format = Format::of(&path, &bytes, format)?;
         if !(format.carries_plan() || format.carries_trajectories()) {
             return Err(no_plan(&path, format));

@@ -27,10 +27,9 @@ pub use ccbs::{CcbsPlaces, read_ccbs_log, read_ccbs_roadmap, write_ccbs_roadmap,
 pub use dynobench::{
     DYNOBENCH_STATES_PER_S, DynobenchProblem, read_dynobench, write_dynobench_problem,
 };
-pub(crate) use format::own_format;
 pub use format::{
     AnyPlan, Contents, Format, Parts, Scale, UnreadPlan, Written, grid_size, load_any_plan,
-    load_plan_and_roadmap,
+    load_plan_and_roadmap, own_format,
 };
 pub use grid::{GRID_FORMAT, read_grid, write_grid};
 pub use layout::{

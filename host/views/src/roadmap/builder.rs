@@ -1,6 +1,6 @@
 //! Parameters of roadmaps.
 
-use fleetyard_core::words;
+use fleetyard_core::{InputError, words};
 use serde::{Deserialize, Serialize};
 
 use crate::Problem;
@@ -89,7 +89,7 @@ impl Builder {
         PRESETS.iter().map(|(name, ..)| *name)
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), String> {
         let (vertices, least) = match *self {
             Self::Prm {
                 vertices,
@@ -147,6 +147,23 @@ impl RoadmapSpec {
             spacing_m: None,
             seed: None,
             speed_m_per_s: None,
+        }
+    }
+
+    /// Refuses parameters of which no roadmap can be made, whatever the problem. `source` is named in
+    /// errors.
+    pub fn check(&self, source: &str) -> Result<(), InputError> {
+        let refuse = |reason: String, hint: &str| Err(InputError::new(source, reason).hint(hint));
+        if let Err(what) = self.builder.check() {
+            let reason = format!("a roadmap cannot be made of {what}");
+            return refuse(reason, "see `fleetyard world roadmap --help` for limits");
+        }
+        match self.spacing_m {
+            Some(spacing_m) if !(spacing_m.is_finite() && spacing_m >= 0.0) => refuse(
+                format!("vertices cannot be {spacing_m} m apart"),
+                "give a distance in metres, or 0 for none",
+            ),
+            _ => Ok(()),
         }
     }
 

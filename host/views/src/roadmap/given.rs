@@ -12,6 +12,20 @@ use crate::{Free, Origin, Problem, roadmap_to_world};
 /// with six decimals name their vertex.
 const AT_VERTEX_M: f64 = 1e-6;
 
+impl RoadmapView {
+    /// The same roadmap for another problem, whose starts and goals have to be at its vertices: by it
+    /// plans are judged that were made before the problem was changed. Edges are not swept.
+    pub fn of(&self, problem: &Problem) -> Result<Self, InputError> {
+        let Pins { starts, goals } = Pins::new(problem, &self.roadmap, AT_VERTEX_M)?;
+        Ok(Self {
+            starts,
+            goals,
+            radius_m: problem.common_radius_m(),
+            ..self.clone()
+        })
+    }
+}
+
 /// The view of a problem on a roadmap that is given. Robots drive at `speed_m_per_s`, by default the
 /// largest that every robot has in every direction.
 ///

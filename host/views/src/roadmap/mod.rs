@@ -14,8 +14,6 @@ mod sample;
 mod sketch;
 mod tangent;
 
-use core::fmt;
-
 use fleetyard_core::{Digest, InputError, Roadmap};
 use fleetyard_world::Travel;
 use serde_json::{Value, json};
@@ -27,7 +25,7 @@ pub use report::RoadmapReport;
 pub(crate) use report::root;
 
 use crate::origin::WORLD_TO_ROADMAP;
-use crate::{Free, Origin, Problem, Representation, VIEW_FORMAT};
+use crate::{End, Free, Origin, Problem, Representation, VIEW_FORMAT};
 use connect::nearest_visible;
 use sketch::Sketch;
 
@@ -88,16 +86,9 @@ impl RoadmapView {
 pub fn world_to_roadmap(problem: &Problem, spec: RoadmapSpec) -> Result<RoadmapView, InputError> {
     let source = problem.task.source.as_str();
     let refuse = |reason: String, hint: &str| Err(InputError::new(source, reason).hint(hint));
-    if let Err(what) = spec.builder.check() {
-        let reason = format!("a roadmap cannot be made of {what}");
-        return refuse(reason, "see `fleetyard world roadmap --help` for limits");
-    }
+    spec.check(source)?;
     let radius_m = problem.common_radius_m();
     let spacing_m = spec.spacing_m(problem);
-    if !(spacing_m.is_finite() && spacing_m >= 0.0) {
-        let reason = format!("vertices cannot be {spacing_m} m apart");
-        return refuse(reason, "give a distance in metres, or 0 for none");
-    }
     let speed_m_per_s = common_speed(problem, spec.speed_m_per_s)?;
     let seed = spec.seed(problem);
     let free = Free::new(&problem.world);
@@ -259,21 +250,6 @@ fn pin(problem: &Problem, free: &Free, radius_m: f64) -> Result<Pinned, InputErr
         }
     }
     Ok(pinned)
-}
-
-#[derive(Clone, Copy)]
-enum End {
-    Start,
-    Goal,
-}
-
-impl fmt::Display for End {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Start => "start",
-            Self::Goal => "goal",
-        })
-    }
 }
 
 impl Problem {

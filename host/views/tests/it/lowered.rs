@@ -3,7 +3,7 @@
 use fleetyard_check::Pace;
 use fleetyard_core::{Connectivity, GridPlan, Knot, Separation, TrajectoryPlan};
 use fleetyard_views::{
-    Builder, BuilderKind, BuilderParameters, GridSpec, GridView, RoadmapSpec, ViewName, ViewSpec,
+    Builder, BuilderKind, GridSpec, GridView, RoadmapParameters, RoadmapSpec, ViewName, ViewSpec,
     load_problem, world_to_grid, world_to_roadmap,
 };
 use fleetyard_world::SeededRandom;
@@ -139,10 +139,10 @@ fn parameters_derive_the_same_view_again() {
         ViewName::Sparse.spec(GRID, Some(4)),
         ViewSpec::Roadmap(RoadmapSpec::new(Builder::Tangent { sides: 8 })),
         ViewSpec::Roadmap(RoadmapSpec::new(
-            BuilderParameters {
+            RoadmapParameters {
                 kind: BuilderKind::Lattice,
                 side_m: Some(0.5),
-                ..BuilderParameters::default()
+                ..RoadmapParameters::default()
             }
             .builder(),
         )),
@@ -153,20 +153,14 @@ fn parameters_derive_the_same_view_again() {
         let told = spec.parameters(&problem, terms);
         let again = match spec {
             ViewSpec::Roadmap(_) => {
-                let own = told.iter().filter(|(key, _)| {
-                    !["representation", "spacing", "speed", "roadmap_seed", "pace"]
-                        .contains(&key.as_str())
-                });
+                let own = told.iter();
+                let own =
+                    own.filter(|(key, _)| !["representation", "pace"].contains(&key.as_str()));
                 let own: serde_json::Map<String, Value> = own
                     .map(|(key, value)| (key.clone(), value.clone()))
                     .collect();
-                let own: BuilderParameters = serde_json::from_value(own.into()).unwrap();
-                ViewSpec::Roadmap(RoadmapSpec {
-                    builder: own.builder(),
-                    spacing_m: told["spacing"].as_f64(),
-                    seed: told["roadmap_seed"].as_u64(),
-                    speed_m_per_s: told["speed"].as_f64(),
-                })
+                let own: RoadmapParameters = serde_json::from_value(own.into()).unwrap();
+                ViewSpec::Roadmap(own.spec())
             }
             other => other,
         };

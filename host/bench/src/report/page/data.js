@@ -2,7 +2,14 @@
 
 /** The bytes of a column (see columns.rs), as whole numbers of `width` bytes. */
 function whole(text, width) {
-  const bytes = bytesOf(text);
+  let bytes;
+  if (Uint8Array.fromBase64) {
+    bytes = Uint8Array.fromBase64(text);
+  } else {
+    const binary = atob(text);
+    bytes = new Uint8Array(binary.length);
+    for (let i = 0; i < bytes.length; i++) bytes[i] = binary.charCodeAt(i);
+  }
   const Whole = { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array }[width];
   return new Whole(bytes.buffer, 0, bytes.length / width);
 }

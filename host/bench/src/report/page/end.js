@@ -9,3 +9,4 @@ const page = globalThis.report = {
   get selection() { return selection; },
 };
 begin();
+})();
