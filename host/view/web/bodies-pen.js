@@ -91,19 +91,22 @@ export class PenPainter {
       return;
     }
     if (this.#image?.width !== width || this.#image.height !== height) this.#image = pen.createImageData(width, height);
-    const { data } = this.#image;
-    data.fill(0);
+    const { data } = this.#image, pixels = new Uint32Array(data.buffer);
+    pixels.fill(0);
     for (const i of dots) {
       const px = toX(i), py = toY(i), side = Math.max(fleet.reach(i) * scale, half), color = rgb(i);
-      const r = color[0], g = color[1], b = color[2];
+      const r = color[0], g = color[1], b = color[2], whole = (r | g << 8 | b << 16) >>> 0;
       const x0 = px - side, x1 = px + side, y0 = py - side, y1 = py + side;
       for (let v = Math.max(Math.floor(y0), 0); v < Math.min(y1, height); v++) {
         const tall = Math.min(v + 1, y1) - Math.max(v, y0);
         for (let u = Math.max(Math.floor(x0), 0); u < Math.min(x1, width); u++) {
           // The part of the pixel that the square covers, over what is there.
-          const cover = tall * (Math.min(u + 1, x1) - Math.max(u, x0)), at = 4 * (v * width + u);
-          const below = data[at + 3] / 255 * (1 - cover), all = cover + below;
-          if (all <= 0) continue;
+          const cover = tall * (Math.min(u + 1, x1) - Math.max(u, x0)), n = v * width + u;
+          if (!pixels[n] || cover >= 1) {
+            pixels[n] = (whole | Math.round(255 * cover) << 24) >>> 0;
+            continue;
+          }
+          const at = 4 * n, below = data[at + 3] / 255 * (1 - cover), all = cover + below;
           data[at] = (r * cover + data[at] * below) / all;
           data[at + 1] = (g * cover + data[at + 1] * below) / all;
           data[at + 2] = (b * cover + data[at + 2] * below) / all;

@@ -2,7 +2,7 @@
 // stage enlarges. The first row is the uppermost; the lower left corner is the origin of the world.
 
 import { make } from './dom.js';
-import { rgba } from './theme.js';
+import { rgba, theme } from './theme.js';
 
 /** The largest side of a picture that browsers draw; larger fields have several cells to a pixel. */
 const MOST = 4096;
@@ -11,9 +11,10 @@ export class Cells {
   #canvas = null;
   #image = null;
   #dirty = true;
+  #theme = 0;
 
   /** A layer of `rows` × `cols` cells of `side` metres. `colors` gives the CSS colours that cells' numbers stand for,
-   * of which 0 is nothing at all; it is asked again after `changed`. */
+   * of which 0 is nothing at all; it is asked again after `changed`, and when the colours of the page change. */
   constructor({ name, rows, cols, side, colors, plane = 'ground', opacity = 1 }) {
     Object.assign(this, { name, rows, cols, side, colors, plane, opacity, visible: true });
     this.step = Math.max(1, Math.ceil(Math.max(rows, cols) / MOST));
@@ -84,11 +85,12 @@ export class Cells {
     }
     pen.putImageData(this.#image, 0, 0);
     this.#dirty = false;
+    this.#theme = theme.changes;
   }
 
   draw(pen, stage) {
     if (!this.rows || !this.cols) return;
-    if (this.#dirty) this.#paint();
+    if (this.#dirty || this.#theme !== theme.changes) this.#paint();
     const lay = () => {
       const { rows, side, step } = this;
       pen.save();

@@ -3,7 +3,6 @@
 
 import { Cells } from './cells.js';
 import { WAITING } from './motion.js';
-import { onTheme } from './theme.js';
 
 /** Steps in which a way from knot to knot is followed, at most. */
 const MOST_STEPS = 4096;
@@ -39,7 +38,6 @@ export function heatMap(name, tracks, recording, field) {
   const layer = new Cells({ ...field, name, colors: () => [null, ...heat], opacity: 0.85 });
   layer.visible = false;
   layer.most_s = 0;
-  onTheme(() => layer.changed());
   const { draw } = layer;
   let made = false;
   layer.draw = (pen, stage) => {

@@ -2,7 +2,7 @@
 
 import { Cells } from './cells.js';
 import { pairs } from './fleet.js';
-import { onTheme, theme } from './theme.js';
+import { theme } from './theme.js';
 
 function polygonPath(path, flat) {
   pairs(flat).forEach(([x, y], at) => at ? path.lineTo(x, y) : path.moveTo(x, y));
@@ -71,7 +71,6 @@ export function cellMap({ cells, endpoints, workstations }) {
     colors: () => [null, theme.endpoint, theme.workstation, theme.solid],
   });
   all.forEach((some, at) => some && layer.fill(some.rectangles, at + 1));
-  onTheme(() => layer.changed());
   return layer;
 }
 
@@ -85,14 +84,17 @@ export function mapLayers(meta) {
   ];
 }
 
+/** The most points of all ways together; of more, every second or third agent has one. */
+const MOST_POINTS = 500_000;
+
 /** The layer of all ways, one line per colour, made when first wanted. Needs tracks. */
 export function allWays(tracks, fleet, colors) {
   let paths = null;
-  const make = () => colors.map((_, color) => {
-    const path = new Path2D();
-    for (let i = color; i < fleet.agents; i += colors.length) tracks.way(i, path);
-    return path;
-  });
+  const make = () => {
+    const made = colors.map(() => new Path2D()), step = Math.max(1, Math.ceil(tracks.first[fleet.agents] / MOST_POINTS));
+    for (let i = 0; i < fleet.agents; i += step) tracks.way(i, made[i % colors.length]);
+    return made;
+  };
   return {
     name: 'paths', plane: 'ground', visible: false,
     draw(pen, stage) {

@@ -131,9 +131,11 @@ export class Scene extends Emitter {
     return this.#seen ??= this.fleet.seen(this.stage);
   }
 
-  /** Lets colours stand for something of COLORINGS. `delay` is the time that an agent has waited so far, and needs tracks. */
-  color(by) {
+  /** Lets colours stand for something of COLORINGS. `delay` is the time that an agent has waited so far; without tracks
+   * nobody knows it, and colours tell agents apart. */
+  color(wanted) {
     const { colors } = this.bodies, { meta } = this.recording, { fleet } = this;
+    const by = wanted === 'delay' && !this.motion.waited ? 'agent' : wanted;
     this.coloring = by;
     if (by === 'agent') for (let i = 0; i < fleet.agents; i++) colors[i] = i % meta.colors.length;
     if (by === 'kind') for (let i = 0; i < fleet.agents; i++) colors[i] = fleet.kinds[i] % meta.colors.length;

@@ -5,13 +5,14 @@ const NAMES = [
   'planner', 'fail-policy', 'nobody', 'workstation', 'endpoint', 'soft', 'accent',
 ];
 
-/** By name, as CSS has them. */
-export const theme = {};
+/** By name, as CSS has them; `changes` counts how often they were read. */
+export const theme = { changes: 0 };
 
 const heard = new Set();
 
 function read() {
   const style = getComputedStyle(document.documentElement);
+  theme.changes++;
   for (const name of NAMES) theme[name] = style.getPropertyValue('--' + name).trim();
 }
 
