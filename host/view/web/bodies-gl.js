@@ -2,11 +2,15 @@
 //
 // A mesh has, for each corner, a place in metres, a direction in which it is pushed out by pixels, and
 // the sign of its distance from the outline there. Distances are interpolated, and make edges smooth and as
-// thick as wanted at every scale. A disc is a square whose pixels know their distance from the circle.
+// thick as wanted at every scale. Discs, and squares that stand for small bodies, are squares whose pixels know their
+// distance from the outline.
 
 import { pairs } from './fleet.js';
 
 const MOST_COLORS = 64;
+
+/** How a fragment knows its distance from the outline. */
+const POLYGON = 0, DISC = 1, SQUARE = 2;
 
 /** Devices that are the processor itself; not all browsers call that a caveat. */
 const SLOW = /swiftshader|llvmpipe|softpipe|software|basic render/i;
@@ -26,7 +30,7 @@ uniform vec2 size;
 uniform float scale, unit, turns, reach;
 uniform vec3 palette[${MOST_COLORS}];
 out vec3 along;
-flat out float disc;
+flat out float shape;
 flat out vec3 tint;
 void main() {
   vec2 q = corner * unit + push * reach;
@@ -34,20 +38,20 @@ void main() {
   vec2 p = body.xy * scale + vec2(c * q.x - s * q.y, s * q.x + c * q.y);
   gl_Position = vec4(2.0 * p / size, 0.0, 1.0);
   along = vec3(q, kind.x * reach);
-  disc = kind.y;
+  shape = kind.y;
   tint = palette[int(body.w)];
 }`;
 
 const FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 along;
-flat in float disc;
+flat in float shape;
 flat in vec3 tint;
 uniform float radius, line;
 uniform vec3 ink;
 out vec4 color;
 void main() {
-  float d = disc > 0.5 ? length(along.xy) - radius : along.z;
+  float d = shape > 1.5 ? max(abs(along.x), abs(along.y)) - radius : shape > 0.5 ? length(along.xy) - radius : along.z;
   float cover = line > 0.0 ? clamp(0.5 * line + 0.5 - abs(d), 0.0, 1.0) : clamp(0.5 - d, 0.0, 1.0);
   color = vec4(line > 0.0 ? ink : tint, 1.0) * cover;
 }`;
@@ -55,7 +59,7 @@ void main() {
 /** The tick of a heading: from the middle to the farthest point ahead. */
 function tick(corners, reach, indices) {
   const at = corners.length / 6;
-  corners.push(0, 0, 0, -1, -1, 0, reach, 0, 0, -1, -1, 0, reach, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0);
+  corners.push(0, 0, 0, -1, -1, POLYGON, reach, 0, 0, -1, -1, POLYGON, reach, 0, 0, 1, 1, POLYGON, 0, 0, 0, 1, 1, POLYGON);
   indices.push(at, at + 1, at + 2, at, at + 2, at + 3);
 }
 
@@ -82,7 +86,7 @@ function polygonMesh(flat, reach) {
     // So that both sides are moved by one pixel; corners that are sharp are cut.
     const stretch = 1 / Math.max(1 + ax * bx + ay * by, 0.25);
     const [mx, my] = [(ax + bx) * stretch, (ay + by) * stretch];
-    corners.push(x, y, -mx, -my, -1, 0, x, y, mx, my, 1, 0);
+    corners.push(x, y, -mx, -my, -1, POLYGON, x, y, mx, my, 1, POLYGON);
     const inner = 2 * i, next = 2 * ((i + 1) % n);
     edge.push(inner, inner + 1, next + 1, inner, next + 1, next);
     if (i > 1) fill.push(0, 2 * (i - 1), inner);
@@ -92,9 +96,9 @@ function polygonMesh(flat, reach) {
   return { corners, fill, edge };
 }
 
-/** Of a disc: its size is that of `unit` and the pixels around it. */
-function discMesh(radius) {
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].flatMap(([x, y]) => [x * radius, y * radius, x, y, 0, 1]);
+/** Of a disc or a square around the middle, and the pixels around it. */
+function squareMesh(radius, shape) {
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].flatMap(([x, y]) => [x * radius, y * radius, x, y, 0, shape]);
   const fill = [0, 1, 2, 0, 2, 3], edge = [...fill];
   tick(corners, radius, edge);
   return { corners, fill, edge };
@@ -131,12 +135,12 @@ export class GlPainter {
     this.buffer = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, this.places.byteLength, gl.DYNAMIC_DRAW);
-    const square = this.#mesh(polygonMesh([-1, -1, 1, -1, 1, 1, -1, 1], 1));
+    const square = this.#mesh(squareMesh(1, SQUARE));
     for (const group of this.groups) {
       const outline = fleet.outlines[group.kind];
       if (!outline) continue;
       group.disc = 'r' in outline;
-      group.shape = this.#array(this.#mesh(group.disc ? discMesh(outline.r) : polygonMesh(outline.v, fleet.reaches[group.kind])), group.from);
+      group.shape = this.#array(this.#mesh(group.disc ? squareMesh(outline.r, DISC) : polygonMesh(outline.v, fleet.reaches[group.kind])), group.from);
       group.dot = this.#array(square, group.from);
     }
   }
@@ -221,9 +225,10 @@ export class GlPainter {
         if (!group.shape || line && !group.isAgent) continue;
         const radius = fleet.reaches[group.kind] * scale, isDot = radius < dot;
         const mesh = isDot ? group.dot : group.shape;
-        gl.uniform1f(at.unit, isDot ? Math.max(radius, half) : scale);
+        const side = Math.max(radius, half);
+        gl.uniform1f(at.unit, isDot ? side : scale);
         gl.uniform1f(at.turns, isDot || group.disc && !line ? 0 : 1);
-        gl.uniform1f(at.radius, radius);
+        gl.uniform1f(at.radius, isDot ? side : radius);
         gl.bindVertexArray(mesh.array);
         // Without headings, and on dots, there are no ticks, which are the last six indices.
         const count = line ? mesh.edge - (fleet.headings && !isDot ? 0 : 6) : mesh.fill;
