@@ -263,6 +263,8 @@ fn a_page_is_one_file_and_equal_for_equal_input() {
         assert!(!text.contains(needle), "{needle}");
     }
     assert!(text.contains("default-src 'none'"));
+    // No script runs but the page's own.
+    assert!(text.contains("script-src 'sha256-") && !text.contains("script-src 'unsafe"));
     assert!(!text.contains("globalThis.hacked = 1</script><!--\""));
     assert_eq!(text.matches("<script").count(), 3);
     assert_eq!(text.matches("</script").count(), 3);
