@@ -597,6 +597,11 @@ impl GridPlan {
         last.max().unwrap_or(0)
     }
 
+    /// The time at which an agent arrives at the last cell of its path to stay there.
+    pub fn arrival(&self, agent: usize) -> usize {
+        arrival(self.path(agent))
+    }
+
     /// Sum over the agents of the time of last arrival.
     pub fn sum_of_costs(&self) -> u64 {
         self.paths().map(|path| arrival(path) as u64).sum()

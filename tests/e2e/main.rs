@@ -19,6 +19,7 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
+mod follow;
 #[path = "../fuzz/src/lib.rs"]
 pub mod fuzz;
 mod fuzz_corpus;

@@ -95,6 +95,7 @@ fn sample(
         config,
         robots: None,
         annotations: false,
+        follower: None,
     };
     let mut running: Option<Running> = None;
     let mut took_ms = Vec::with_capacity(CALLS);

@@ -20,7 +20,7 @@ use crate::fleet::{FleetModules, blamed};
 use crate::kept;
 use crate::options::Robots;
 use crate::plan::{Planned, Schedule};
-use crate::plugin::{GivenOptions, Plugin, Running, representations};
+use crate::plugin::{GivenOptions, Plugin, Running};
 use crate::record::{self, Ending, Record, milliseconds};
 use crate::row::{Incumbent, Row};
 use crate::suite::{
@@ -339,6 +339,7 @@ impl<'s> Experiment<'s> {
             config: &suite.config,
             robots: suite.robots.as_ref(),
             annotations: false,
+            follower: None,
         };
         let made = match suite.protocol.reuse {
             Reuse::Planner => trial.run_again(&mut planner.running, &mut NoTrace),
@@ -439,7 +440,7 @@ impl Planner {
 
     /// The kinds of instances that it is asked, as a [`Schedule`] has them.
     fn bits(&self) -> u8 {
-        let views = representations(&self.descriptor).map(bit);
+        let views = Representation::claimed_in(self.descriptor.capabilities).map(bit);
         views.fold(ON_A_MAP, |bits, view| bits | view)
     }
 

@@ -15,6 +15,7 @@ mod experiment;
 pub mod export;
 mod failure;
 mod fleet;
+mod follow;
 mod kept;
 mod manifest;
 mod options;
@@ -42,11 +43,12 @@ pub use estimate::{Estimate, Left, rough};
 pub use execution::execute;
 pub use experiment::{Experiment, Pin, Planner, now_unix_ms};
 pub use fleet::start_modules;
+pub use follow::{ClaimedIncumbent, Followed};
 pub use manifest::{Counts, Manifest};
 pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_memory};
 pub use places::{Places, ScenarioPlace, TaskPlace};
 pub use plan::{Planned, Schedule, Shard, Step};
-pub use plugin::{GivenOptions, Plugin, Running, representations};
+pub use plugin::{GivenOptions, Plugin, Running};
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, milliseconds, number,

@@ -6,13 +6,12 @@ use fleetyard_abi::{
     Budget, Capabilities, Capability, Descriptor, Kind, Motion, SharedEnvironment,
 };
 use fleetyard_check::PathRule;
-use fleetyard_core::{Connectivity, Digest, Words as _};
+use fleetyard_core::{Connectivity, Digest};
 use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
     Standing, check_options, parse_option, plugin_name,
 };
-use fleetyard_views::Representation;
 use serde_json::{Map, Value};
 
 use crate::trial_error::TrialError;
@@ -285,19 +284,6 @@ impl Plugin {
             ids: ids(),
         })
     }
-}
-
-/// The representations that a planner of this description claims to plan in.
-pub fn representations(descriptor: &Descriptor) -> impl Iterator<Item = Representation> {
-    let capabilities = descriptor.capabilities;
-    let claims = move |representation: &Representation| {
-        capabilities.has(match representation {
-            Representation::Grid => Capability::Grid,
-            Representation::Roadmap => Capability::Roadmap,
-            Representation::Continuous => Capability::Continuous,
-        })
-    };
-    Representation::ALL.iter().copied().filter(claims)
 }
 
 /// The motion that a planner is asked for where paths are judged by this rule: straight lines if

@@ -1,5 +1,6 @@
 //! A trial: one planner, one instance, one budget, judged and executed.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use fleetyard_abi::c::PluginEntry;
@@ -11,7 +12,7 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Fault, Limit, Limits, LogLine, PlanRun, Runtime, Source,
+    Attach, CallReport, CallUsage, Fault, Follow, Limit, Limits, LogLine, PlanRun, Runtime, Source,
     Termination,
 };
 use fleetyard_sim::{SimConfig, SimError, TraceSink};
@@ -123,6 +124,8 @@ pub struct Trial<'a> {
     pub robots: Option<&'a Robots>,
     /// True if the planner is asked what it wants to show.
     pub annotations: bool,
+    /// Is told of plans as they come.
+    pub follower: Option<&'a Arc<dyn Follow>>,
 }
 
 /// The outcome of a trial.
@@ -448,6 +451,7 @@ impl Trial<'_> {
                 let instance = self.instance.instance(&running.descriptor, self.config);
                 let budget = budget(allowed.wall, allowed.plan_memory());
                 running.session.want_annotations(self.annotations);
+                running.session.follow(self.follower.cloned());
                 (running.session.plan(&instance, &budget), report)
             }
             Err(fault) => (PlanRun::failed(fault), None),

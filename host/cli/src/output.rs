@@ -51,6 +51,12 @@ pub(crate) fn print_json<T: Serialize>(value: &T) -> Result<()> {
     print(&plain_json(&text))
 }
 
+/// The same as a single line.
+pub(crate) fn print_json_line<T: Serialize>(value: &T) -> Result<()> {
+    let text = serde_json::to_string(value).map_err(internal)?;
+    print(&plain_json(&text))
+}
+
 fn plain_json(text: &str) -> String {
     let obeyed = |c: char| is_unseen(c) && c != '\n';
     if !text.contains(obeyed) {

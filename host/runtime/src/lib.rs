@@ -20,6 +20,7 @@
 #![allow(unsafe_code)]
 
 mod code;
+mod companion;
 mod confinement;
 mod discover;
 mod fault;
@@ -34,6 +35,7 @@ mod usage;
 mod user_folder;
 
 pub use code::CodeFile;
+pub use companion::as_companion;
 pub use confinement::promises::BrokenPromise;
 pub use confinement::sandbox;
 pub use confinement::sandbox::{
@@ -48,7 +50,7 @@ pub use options::{OptionError, check_options, parse_option};
 pub use plugin_file::{Attach, PluginFile, plugin_name};
 pub use sessions::annotated::Annotated;
 pub use sessions::attachment::{Closing, Generated};
-pub use sessions::collector::Incumbent;
+pub use sessions::collector::{Follow, Incumbent};
 pub use sessions::convert::{environment, environment_of, instance, plan_from_abi};
 pub use sessions::library::Library;
 pub use sessions::limits::Limits;

@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 
 use clap::{ArgAction, Args};
 use fleetyard_abi::{Plan, Status};
 use fleetyard_bench::suite::{AskedView, Question};
-use fleetyard_bench::{GivenOptions, Host, Outcome, Plugin, Record, Robots, Trial};
+use fleetyard_bench::{
+    ClaimedIncumbent, Followed, GivenOptions, Host, Outcome, Plugin, Record, Robots, Trial,
+};
 use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
@@ -14,16 +17,17 @@ use fleetyard_core::{
     GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, TrajectoryFile, load_map,
     load_scen, save_annotations, save_roadmap_plan, save_trajectories,
 };
-use fleetyard_runtime::{Attach, LogLine, Termination, interrupt_calls, interrupted_by};
+use fleetyard_runtime::{Attach, Follow, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Layers, Picture, World};
 use fleetyard_views::{Problem, Representation, View, load_problem, visits_of};
+use serde::Serialize;
 
 use super::simulate::Sinks;
 use super::task::{ViewArgs, claimed};
 use crate::args::{
     BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, picture, word,
 };
-use crate::exit::{Exit, Failure, Result};
+use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{draw, file_name};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
@@ -73,6 +77,10 @@ pub(crate) struct Run {
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
     picture: Option<PathBuf>,
+    /// Print plans as they come, a line of JSON each, with what they cost as the planner has them: nobody
+    /// has judged them yet. With --format json the record is such a line, too, and the last
+    #[arg(long, help_heading = RECORDS)]
+    follow: bool,
     /// Show what the planner wrote to its log and to standard error
     #[arg(long, short)]
     verbose: bool,
@@ -192,6 +200,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     // Every tick: the trace is what other tools replay.
     let mut sinks = Sinks::create(arguments.trace_out.as_deref(), 1, None, bar.clone())?;
     let execute = arguments.execute || arguments.trace_out.is_some();
+    let printer = arguments.follow.then(Printer::start).transpose()?;
     let trial = Trial {
         host: &host,
         planner: &planner,
@@ -201,13 +210,16 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         config: &sim_config(&arguments.world),
         robots: execute.then_some(&Robots::Pebbles),
         annotations: arguments.annotations.is_some(),
+        follower: printer.as_ref().map(|printer| &printer.follower),
     };
     if let Err(error) = interrupt_calls() {
         output::warning(&format!(
             "an interrupt will end the run without its plan: {error}"
         ));
     }
-    let outcome = trial.run(&mut sinks)?;
+    let outcome = trial.run(&mut sinks);
+    printer.map_or(Ok(()), Printer::finish)?;
+    let outcome = outcome?;
     bar.finish_and_clear();
     let record = &outcome.record;
     let plan = outcome.plan.as_ref();
@@ -233,6 +245,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     tell(arguments.verbose, &outcome);
     match arguments.format {
         Format::Text => output::print(&output::plain(&record.text()))?,
+        Format::Json if arguments.follow => output::print_json_line(&Line::Record(record))?,
         Format::Json => output::print_json(record)?,
     }
     // Also when the planner had just answered.
@@ -279,6 +292,41 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         }
     }
     Ok(exit)
+}
+
+/// A line of what is printed while a planner goes on, and at the end.
+#[derive(Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Line<'a> {
+    Incumbent(ClaimedIncumbent),
+    Record(&'a Record),
+}
+
+/// Prints plans as they come, in a thread of its own: a slow reader does not hold up the planner.
+struct Printer {
+    follower: Arc<dyn Follow>,
+    thread: JoinHandle<Result<()>>,
+}
+
+impl Printer {
+    fn start() -> Result<Self> {
+        let (followed, told) = Followed::new();
+        let print = move || {
+            let mut lines = told.iter().map(Line::Incumbent);
+            lines.try_for_each(|line| output::print_json_line(&line))
+        };
+        let thread = thread::Builder::new().name("follow".into()).spawn(print);
+        Ok(Self {
+            follower: Arc::new(followed),
+            thread: thread.map_err(internal)?,
+        })
+    }
+
+    /// Waits until all that was told is printed.
+    fn finish(self) -> Result<()> {
+        drop(self.follower);
+        self.thread.join().unwrap_or(Ok(()))
+    }
 }
 
 /// Writes a plan in the file form of its representation.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use fleetyard_bench::{Host, Plugin, representations};
+use fleetyard_bench::{Host, Plugin};
 use fleetyard_check::Pace;
 use fleetyard_core::formats::{
     Format as FileFormat, TRANSPOSED_HINT, UnreadPlan, grid_size, looks_transposed,
@@ -97,7 +97,7 @@ impl ViewArgs {
 /// The representations that a planner claims to plan in.
 pub(super) fn claimed(host: &Host, planner: &Plugin) -> Result<Vec<Representation>> {
     let running = planner.start(&host.runtime)?;
-    let claimed = representations(&running.descriptor).collect();
+    let claimed = Representation::claimed_in(running.descriptor.capabilities).collect();
     running.close();
     Ok(claimed)
 }

@@ -1,7 +1,8 @@
 //! Plans and figures that a plugin submits during a call, whichever way they come.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetyard_abi::convert::wrong_agents;
@@ -28,6 +29,13 @@ pub struct Incumbent {
     pub plan: Option<Plan>,
 }
 
+/// Is told of plans while the call goes on, by the thread that reads them: it has to be quick.
+pub trait Follow: fmt::Debug + Send + Sync {
+    /// A plan came so long after the call began. Nobody has judged it. `metrics` are the figures
+    /// that the plugin has reported of itself so far.
+    fn incumbent(&self, plan: PlanRef<'_>, arrived: Duration, metrics: &BTreeMap<String, f64>);
+}
+
 /// Takes what a plugin submits during a call, whichever way it comes.
 pub(crate) struct Collector {
     /// Cells of the map, or vertices.
@@ -37,6 +45,7 @@ pub(crate) struct Collector {
     deadline_ns: u64,
     agents: Option<usize>,
     wants_annotations: bool,
+    follower: Option<Arc<dyn Follow>>,
     collected: Mutex<Collected>,
 }
 
@@ -57,13 +66,15 @@ pub(crate) struct Collected {
 }
 
 impl Collector {
-    /// For a call that began then, with annotations if they are wanted.
+    /// For a call that began then, with annotations if they are wanted. `follower` is told of its
+    /// plans as they come.
     pub(crate) fn new(
         instance: &Instance,
         places: u32,
         budget: &Budget,
         started_ns: u64,
         wants_annotations: bool,
+        follower: Option<Arc<dyn Follow>>,
     ) -> Self {
         Self {
             places,
@@ -72,6 +83,7 @@ impl Collector {
             deadline_ns: budget.deadline_monotonic_ns,
             agents: Some(instance.agents()),
             wants_annotations,
+            follower,
             collected: Mutex::default(),
         }
     }
@@ -85,6 +97,7 @@ impl Collector {
             deadline_ns: u64::MAX,
             agents: None,
             wants_annotations: false,
+            follower: None,
             collected: Mutex::default(),
         }
     }
@@ -174,6 +187,10 @@ impl Collector {
 
     fn keep(&self, plan: Plan, arrived_ns: u64) {
         let arrived = Duration::from_nanos(arrived_ns.saturating_sub(self.started_ns));
+        if let Some(follower) = &self.follower {
+            let metrics = self.lock().metrics.clone();
+            follower.incumbent(plan.as_ref(), arrived, &metrics);
+        }
         self.lock().keep(arrived, plan);
     }
 }

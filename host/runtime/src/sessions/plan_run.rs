@@ -1,6 +1,7 @@
 //! Calls that ask for a plan: what they ask, how they are measured, and how they end.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use fleetyard_abi::paths::PlanContext;
@@ -13,7 +14,7 @@ use crate::Fault;
 use crate::interrupt::Interruptible;
 use crate::sessions::annotated::Annotated;
 use crate::sessions::bounds::plan_cells;
-use crate::sessions::collector::{Collected, Collector, Incumbent};
+use crate::sessions::collector::{Collected, Collector, Follow, Incumbent};
 use crate::sessions::log::Log;
 use crate::usage::{CallUsage, Limit};
 
@@ -228,6 +229,8 @@ pub(super) struct PlanCall<'a> {
     pub(super) encoding: PathEncoding,
     /// Somebody wants to see its annotations.
     pub(super) wants_annotations: bool,
+    /// Is told of plans as they come.
+    pub(super) follower: Option<&'a Arc<dyn Follow>>,
 }
 
 impl<'a> PlanCall<'a> {
@@ -291,6 +294,7 @@ impl Running {
                 &budget,
                 began_ns,
                 call.wants_annotations,
+                call.follower.cloned(),
             ),
             timing: Timing::default(),
             host,

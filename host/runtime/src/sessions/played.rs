@@ -872,6 +872,7 @@ impl Play {
             environment: Some(&grid),
             encoding: PathEncoding::default(),
             wants_annotations: false,
+            follower: None,
         };
         let solve = self.client.solve(&call, &budget);
         if broken.is_some() {

@@ -1,5 +1,6 @@
 //! A session: one plugin, from its start to its end.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use fleetyard_abi::{
@@ -14,6 +15,7 @@ use crate::confinement::promises::BrokenPromise;
 use crate::confinement::sandbox::SandboxReport;
 use crate::options::with_defaults;
 use crate::sessions::attachment::{Attachment, Closing, Generated};
+use crate::sessions::collector::Follow;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Solver};
 
 /// The contract that a plugin was built for, which is how it is spoken to.
@@ -55,6 +57,7 @@ pub struct Session {
     /// The encoding in which the plugin that was made wants to read paths.
     encoding: PathEncoding,
     wants_annotations: bool,
+    follower: Option<Arc<dyn Follow>>,
     /// From its start until it had introduced itself.
     startup: Duration,
 }
@@ -72,6 +75,7 @@ impl Session {
             environment: None,
             encoding: PathEncoding::default(),
             wants_annotations: false,
+            follower: None,
             startup,
         }
     }
@@ -133,6 +137,11 @@ impl Session {
         self.wants_annotations = wanted;
     }
 
+    /// From here on `follower` is told of plans as they come, if there is one.
+    pub fn follow(&mut self, follower: Option<Arc<dyn Follow>>) {
+        self.follower = follower;
+    }
+
     /// Asks a planner for a plan.
     pub fn plan(&mut self, instance: &Instance, budget: &Budget) -> PlanRun {
         self.solve(Solver::Planner, instance, budget)
@@ -156,6 +165,7 @@ impl Session {
             environment,
             encoding: self.encoding,
             wants_annotations: self.wants_annotations,
+            follower: self.follower.as_ref(),
         };
         self.attachment.solve(&call, budget)
     }
