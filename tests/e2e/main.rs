@@ -19,6 +19,7 @@ mod episodes;
 mod exports;
 mod faulty_page;
 mod fleet;
+mod fleet_live;
 mod follow;
 #[path = "../fuzz/src/lib.rs"]
 pub mod fuzz;
@@ -35,6 +36,7 @@ mod scaffold;
 mod simulate;
 mod slurm;
 mod studio_document;
+mod studio_server;
 mod trace;
 mod tutorials;
 mod views;

@@ -30,6 +30,7 @@ use crate::commands::run::{Run, run};
 use crate::commands::security::security;
 use crate::commands::simulate::{Simulate, simulate};
 use crate::commands::store::{Stores, stores};
+use crate::commands::studio::{Studio, studio};
 use crate::commands::trace::{Trace, trace};
 use crate::commands::validate::{Validate, validate};
 use crate::commands::world::{Worlds, worlds};
@@ -56,6 +57,7 @@ enum Command {
     Validate(Validate),
     Simulate(Simulate),
     Convert(Convert),
+    Studio(Studio),
     /// Look at traces of executions
     #[command(subcommand)]
     Trace(Trace),
@@ -113,6 +115,7 @@ fn dispatch(command: &Command, matches: &ArgMatches) -> Result<Exit> {
         Command::Validate(arguments) => validate(arguments),
         Command::Simulate(arguments) => simulate(arguments),
         Command::Convert(arguments) => convert(arguments),
+        Command::Studio(arguments) => studio(arguments),
         Command::Trace(what) => trace(what),
         Command::Jobs(what) => jobs(what),
         Command::Plugins(what) => plugins(what),

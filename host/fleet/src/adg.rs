@@ -878,11 +878,26 @@ impl Adg {
     /// Only agents are looked at for which something has changed, so that `queue` should
     /// be the same in every call.
     pub fn enqueue(&mut self, queue: u32, tell: &mut dyn FnMut(usize, &Node)) {
+        self.enqueue_but(queue, &|_| false, tell);
+    }
+
+    /// The same but for those who are held: they are told later.
+    pub fn enqueue_but(
+        &mut self,
+        queue: u32,
+        is_held: &dyn Fn(usize) -> bool,
+        tell: &mut dyn FnMut(usize, &Node),
+    ) {
         for word in 0..self.ready.len() {
             let mut bits = mem::take(&mut self.ready[word]);
             while bits != 0 {
                 let agent = word * 64 + bits.trailing_zeros() as usize;
+                let bit = bits & bits.wrapping_neg();
                 bits &= bits - 1;
+                if is_held(agent) {
+                    self.ready[word] |= bit;
+                    continue;
+                }
                 let robot = &mut self.robots[agent];
                 while robot.next != NONE && robot.enqueued - robot.done < queue {
                     let visit = &self.visits[robot.next as usize];

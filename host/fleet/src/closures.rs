@@ -41,8 +41,8 @@ pub(crate) struct Closures {
     cells: Vec<u32>,
     /// When the next one is drawn.
     next_s: f64,
-    /// Cells that are to close as soon as nobody is there.
-    waiting: Vec<u32>,
+    /// Cells that are to close as soon as nobody is there, and for so long.
+    waiting: Vec<(u32, f64)>,
     /// Closed cells, and when they open.
     closed: BTreeMap<u32, f64>,
     /// All that there were.
@@ -66,6 +66,32 @@ impl Closures {
         made
     }
 
+    /// With none that are drawn: somebody closes cells by hand.
+    pub(crate) fn by_hand(grid: &Grid) -> Self {
+        let never = ClosureRate {
+            per_s: 0.0,
+            for_s: 0.0,
+        };
+        Self::new(never, grid, 0)
+    }
+
+    /// A cell is to close for so long.
+    pub(crate) fn close(&mut self, cell: u32, for_s: f64) {
+        self.waiting.push((cell, for_s));
+    }
+
+    /// A cell is to open, or not to close.
+    pub(crate) fn open(&mut self, cell: u32, now_s: f64) {
+        self.waiting.retain(|(waiting, _)| *waiting != cell);
+        if let Some(until_s) = self.closed.get_mut(&cell) {
+            *until_s = now_s;
+            let mut past = self.past.iter_mut().rev();
+            if let Some(last) = past.find(|closure| closure.cell == cell) {
+                last.until_s = now_s;
+            }
+        }
+    }
+
     /// The time between two closures.
     fn pause_s(&mut self) -> f64 {
         -libm::log(self.random.unit()) / self.closing.per_s
@@ -80,15 +106,15 @@ impl Closures {
     ) -> (usize, usize) {
         while self.next_s <= now_s {
             let cell = self.cells[self.random.below(self.cells.len())];
-            self.waiting.push(cell);
+            self.waiting.push((cell, self.closing.for_s));
             self.next_s += self.pause_s();
         }
         let before = self.closed.len();
         self.closed.retain(|_, until_s| *until_s > now_s);
         let opened = before - self.closed.len();
         let mut closed = 0;
-        let (known, past, for_s) = (&mut self.closed, &mut self.past, self.closing.for_s);
-        self.waiting.retain(|cell| {
+        let (known, past) = (&mut self.closed, &mut self.past);
+        self.waiting.retain(|(cell, for_s)| {
             // A closed cell stays as it is until it has opened.
             if known.contains_key(cell) || is_held(*cell) {
                 return true;

@@ -267,7 +267,7 @@ impl FleetConfig {
     }
 
     /// Refuses what runs with cells that close have no place for.
-    fn validate_closing(&self) -> Result<(), FleetError> {
+    pub(crate) fn validate_closing(&self) -> Result<(), FleetError> {
         let wrong = [
             (
                 self.is_synchronous(),

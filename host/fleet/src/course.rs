@@ -85,10 +85,15 @@ impl Course {
         }
     }
 
-    /// Sends robots what they may do in the next block.
-    pub(crate) fn send(&mut self, config: &FleetConfig, live: &mut Live<'_>) {
+    /// Sends robots but those that are held what they may do in the next block.
+    pub(crate) fn send(
+        &mut self,
+        config: &FleetConfig,
+        is_held: &dyn Fn(usize) -> bool,
+        live: &mut Live<'_>,
+    ) {
         match self {
-            Self::Driven(adg) => adg.enqueue(config.queue, &mut |agent, node| {
+            Self::Driven(adg) => adg.enqueue_but(config.queue, is_held, &mut |agent, node| {
                 let dwell_s = if node.goal.is_some() {
                     config.dwell_s
                 } else {

@@ -13,6 +13,7 @@ mod config;
 mod course;
 mod error;
 pub mod guide;
+mod intervention;
 mod memory;
 mod modules;
 mod outcome;
@@ -26,6 +27,7 @@ pub use closures::{Closure, ClosureRate};
 pub use config::{Allowance, Assign, Clock, CutBy, FleetConfig, Rules};
 pub use error::FleetError;
 pub use fleetyard_sim::trace::By;
+pub use intervention::{Intervened, Intervention};
 pub use memory::{PERIOD_S, TIME_CONSTANT_S, memory_of};
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{

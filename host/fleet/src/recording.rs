@@ -16,7 +16,7 @@ use fleetyard_sim::trace::By;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use crate::{EventKind, FleetConfig, ModuleInfo};
+use crate::{EventKind, FleetConfig, Intervened, ModuleInfo};
 
 /// The format's name in the first line.
 pub const RECORDING_FORMAT: &str = "fleetyard.fleet-recording/1";
@@ -26,6 +26,9 @@ const CALL_MS: RangeInclusive<f64> = 0.0..=366.0 * 86_400_000.0;
 
 /// The longest line that is read: a batch of a million robots.
 const LINE_LIMIT: u64 = 1 << 30;
+
+/// Most interventions of a run that are read.
+const INTERVENTIONS: usize = 1 << 20;
 
 const HINT: &str = "a recording is written by `fleetyard fleet --record FILE`";
 
@@ -194,6 +197,7 @@ pub struct End {
 #[serde(rename_all = "kebab-case")]
 enum Line {
     Round(Box<Round>),
+    Intervened(Intervened),
     End(End),
 }
 
@@ -201,6 +205,7 @@ enum Line {
 #[serde(rename_all = "kebab-case")]
 enum LineRef<'a> {
     Round(&'a Round),
+    Intervened(&'a Intervened),
     End(&'a End),
 }
 
@@ -249,6 +254,11 @@ impl Recorder {
         self.write(&LineRef::Round(round))
     }
 
+    /// Appends an intervention.
+    pub fn intervened(&mut self, intervened: &Intervened) -> Result<(), InputError> {
+        self.write(&LineRef::Intervened(intervened))
+    }
+
     /// Appends the end.
     pub fn end(&mut self, end: &End) -> Result<(), InputError> {
         self.write(&LineRef::End(end))
@@ -281,6 +291,7 @@ pub struct Recording {
     rounds: u64,
     /// The block at whose beginning the last answer took effect.
     effect: u64,
+    interventions: Vec<Intervened>,
     end: Option<End>,
     torn: bool,
 }
@@ -303,6 +314,7 @@ impl Recording {
         let first = text.len() as u64;
         let (mut bytes, mut rounds, mut end, mut torn) = (first, 0, None, false);
         let mut last: Option<(u64, u64)> = None;
+        let mut interventions: Vec<Intervened> = Vec::new();
         while let Some((text, whole)) = lines.next()? {
             if !whole {
                 torn = true;
@@ -345,6 +357,16 @@ impl Recording {
                     rounds += 1;
                     bytes += text.len() as u64;
                 }
+                Line::Intervened(intervened) => {
+                    let before = interventions.last().map_or(0, |last| last.block);
+                    if intervened.block < before || interventions.len() >= INTERVENTIONS {
+                        return Err(wrong(
+                            "the intervention does not follow what was before".into(),
+                        ));
+                    }
+                    interventions.push(intervened);
+                    bytes += text.len() as u64;
+                }
                 Line::End(found) => {
                     if last.is_some_and(|(_, effect)| found.blocks < effect) {
                         return Err(wrong("the end is before the last call".into()));
@@ -364,6 +386,7 @@ impl Recording {
             line: 1,
             rounds,
             effect: last.map_or(0, |(_, effect)| effect),
+            interventions,
             end,
             torn,
             name,
@@ -400,6 +423,11 @@ impl Recording {
         self.end.map_or(self.effect, |end| end.blocks)
     }
 
+    /// The interventions, in order.
+    pub fn interventions(&self) -> &[Intervened] {
+        &self.interventions
+    }
+
     /// The end, if the run came to one.
     pub fn end(&self) -> Option<End> {
         self.end
@@ -418,19 +446,19 @@ impl Recording {
             number: self.line,
             left: self.bytes - self.first,
         };
-        let next = lines.next()?;
-        self.line = lines.number;
-        let Some((text, _)) = next else {
-            return Ok(None);
-        };
-        self.first += text.len() as u64;
-        match parse(&self.name, self.line, &text)? {
-            Line::Round(mut round) => {
-                round.line = self.line;
-                Ok(Some(*round))
+        while let Some((text, _)) = lines.next()? {
+            self.line = lines.number;
+            self.first += text.len() as u64;
+            match parse(&self.name, self.line, &text)? {
+                Line::Round(mut round) => {
+                    round.line = self.line;
+                    return Ok(Some(*round));
+                }
+                Line::Intervened(_) => {}
+                Line::End(_) => break,
             }
-            Line::End(_) => Ok(None),
         }
+        Ok(None)
     }
 }
 

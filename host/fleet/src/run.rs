@@ -5,6 +5,7 @@
 //! policy if no call is under way, and sends the robots what they may do next. Calls are
 //! answered on a thread of their own, so that planning and simulation overlap.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -34,7 +35,8 @@ use crate::series::Tally;
 use crate::steps::Steps;
 use crate::timed::{Timed, is_timed};
 use crate::{
-    Assign, Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome, Point,
+    Assign, Clock, Ended, EventKind, FleetConfig, FleetError, FleetExecution, FleetOutcome,
+    Intervened, Intervention, Point,
 };
 
 /// The map and the fleet of a run.
@@ -191,6 +193,28 @@ pub trait Watch {
         let _ = (info, fault);
     }
 
+    /// Interventions at the beginning of a block. Not asked in a replay, which has
+    /// what was done then.
+    fn interventions(&mut self) -> Vec<Intervention> {
+        Vec::new()
+    }
+
+    /// An intervention takes effect that is in no recording yet.
+    fn intervened(&mut self, intervened: &Intervened) -> Result<(), InputError> {
+        let _ = intervened;
+        Ok(())
+    }
+
+    /// An intervention makes no sense, for this reason.
+    fn refused(&mut self, what: Intervention, reason: &str) {
+        let _ = (what, reason);
+    }
+
+    /// A block of so many seconds is about to be driven; returns when it may be.
+    fn pace(&mut self, period_s: f64) {
+        let _ = period_s;
+    }
+
     /// True to end the run before its time.
     fn is_interrupted(&self) -> bool {
         false
@@ -332,6 +356,10 @@ struct Run<'a> {
     early: Vec<Notice>,
     /// Cells that close, if some do.
     closures: Option<Closures>,
+    /// Robots that are held, and until when, in seconds.
+    held: BTreeMap<u32, f64>,
+    /// Interventions of the recording that were not made again yet.
+    done_then: VecDeque<Intervened>,
     /// The map has changed since the last call, and since plugins were told of it.
     changed: bool,
     untold: bool,
@@ -418,6 +446,8 @@ impl<'a> Run<'a> {
             }
             Answers::Live(_) | Answers::RecordedThenLive(..) => blocks,
         };
+        let done_then = recording.map_or(&[][..], Recording::interventions);
+        let done_then = done_then.iter().copied().collect();
         let answers = answers.start(|modules| start(ground, config, modules))?;
         Ok(Self {
             tally: Tally::new(config, period_s, grid, &starts),
@@ -445,6 +475,8 @@ impl<'a> Run<'a> {
             closures: config
                 .closing
                 .map(|closing| Closures::new(closing, grid, config.seed)),
+            held: BTreeMap::new(),
+            done_then,
             changed: false,
             untold: false,
             blocks,
@@ -474,6 +506,7 @@ impl<'a> Run<'a> {
         self.live.begin(watch.sink().unwrap_or(&mut NoTrace))?;
         loop {
             self.learn();
+            self.intervene(watch)?;
             self.close();
             let over = if self.is_over() {
                 Some(Ended::Duration)
@@ -557,6 +590,62 @@ impl<'a> Run<'a> {
             }),
         }
         keeper.block(self.block);
+    }
+
+    /// Does to the fleet what somebody does, or did when it was recorded.
+    fn intervene(&mut self, watch: &mut dyn Watch) -> Result<(), FleetError> {
+        let now_s = self.live.now_s();
+        self.held.retain(|_, until_s| *until_s > now_s);
+        while let Some(done) = self.done_then.pop_front_if(|done| done.block <= self.block) {
+            let fits = done.what.check(self.ground.grid, self.config);
+            if let Err(reason) = fits {
+                let name = self
+                    .answers
+                    .replay()
+                    .map_or("", |replay| replay.recording().name());
+                return Err(InputError::new(name, reason)
+                    .hint("the file was changed after it was written")
+                    .into());
+            }
+            self.apply(done.what, now_s);
+        }
+        if matches!(self.answers, Answers::Recorded(_)) || self.answers.recorded().is_some() {
+            return Ok(());
+        }
+        for what in watch.interventions() {
+            let fits = what.check(self.ground.grid, self.config);
+            if let Err(reason) = fits {
+                watch.refused(what, &reason);
+                continue;
+            }
+            // First on record, as answers are.
+            watch.intervened(&Intervened {
+                block: self.block,
+                what,
+            })?;
+            self.apply(what, now_s);
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, what: Intervention, now_s: f64) {
+        match what {
+            Intervention::Close { cell, for_s } => {
+                let by_hand = || Closures::by_hand(self.ground.grid);
+                self.closures.get_or_insert_with(by_hand).close(cell, for_s);
+            }
+            Intervention::Open { cell } => {
+                if let Some(closures) = &mut self.closures {
+                    closures.open(cell, now_s);
+                }
+            }
+            Intervention::Hold { agent, for_s } => {
+                self.held.insert(agent, now_s + for_s);
+            }
+            Intervention::Release { agent } => {
+                self.held.remove(&agent);
+            }
+        }
     }
 
     /// Closes and opens cells. Robots give up what they were not told to do yet where that leads into a closed one.
@@ -929,10 +1018,12 @@ impl<'a> Run<'a> {
             live,
             course,
             config,
+            held,
             ..
         } = self;
-        course.send(config, live);
+        course.send(config, &|agent| held.contains_key(&(agent as u32)), live);
         let period_s = live.period_s();
+        watch.pace(period_s);
         if self.config.clock == Clock::Realtime && self.answers.recorded().is_none() {
             // What is repeated takes no time.
             let (began, first) = *self.pace.get_or_insert((Instant::now(), self.block));

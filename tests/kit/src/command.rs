@@ -195,6 +195,7 @@ impl Yard {
             // As if the Python package were installed.
             .env("PYTHONPATH", root().join("abi/python"))
             .env("HOME", here)
+            .env_remove("XDG_CACHE_HOME")
             .env("XDG_DATA_HOME", here)
             .env("XDG_DATA_DIRS", here)
             .env("TMPDIR", here)

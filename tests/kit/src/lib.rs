@@ -14,6 +14,7 @@ mod notes;
 mod places;
 mod programs;
 pub mod python;
+pub mod studio;
 mod table;
 
 pub use command::{

@@ -1,6 +1,5 @@
 //! `fleetyard fleet`: robots that drive on and on, and a planner that plans meanwhile.
 
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -16,16 +15,17 @@ use fleetyard_core::formats::{TaskList, load_league, load_lorr_tasks};
 use fleetyard_core::{Grid, InputError, load_guidance, load_map};
 use fleetyard_fleet::{
     Allowance, Assign, CallTimes, Clock, ClosureRate, CutBy, End, Ended, FleetConfig, FleetOutcome,
-    Ground, ModuleInfo, Modules, Notice, Point, Recorder, Recording, Round, Rules, Watch, replay,
-    resume, run,
+    Ground, Intervened, Intervention, ModuleInfo, Modules, Notice, Point, Recorder, Recording,
+    Round, Rules, Watch, replay, resume, run,
 };
 use fleetyard_runtime::{Attach, Closing, LogLine, on_interrupt};
 use fleetyard_sim::trace::TraceOptions;
-use fleetyard_sim::{Fleet as Bodies, SimConfig, Tier, TraceSink, TraceWriter};
+use fleetyard_sim::{Fleet as Bodies, SimConfig, Tier, TraceSink};
 use fleetyard_view::FleetPicture;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
+use super::live::{Line, Live, Tee, say};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use crate::args::{
@@ -33,7 +33,7 @@ use crate::args::{
     duration_text, one_of, picture as picture_file, size, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::files::{Unnamed, draw_document, keep, trace_file};
+use crate::files::{draw_document, keep, trace_file};
 use crate::output;
 use crate::setup::{BUILT_IN, bodies, find_plugin, policy, robots, trust};
 
@@ -83,6 +83,10 @@ pub(crate) struct Fleet {
     /// Draw throughput over time, and where robots waited, to a file, SVG or PNG by its name
     #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture_file)]
     picture: Option<PathBuf>,
+    /// Hear commands while the fleet drives, lines of JSON on standard input, and tell where it is, lines of
+    /// JSON on standard output; docs/fleet.md lists them. What is done to the fleet goes into --record
+    #[arg(long, help_heading = RECORDS)]
+    live: bool,
     /// Show what plugins wrote to their logs and to standard error
     #[arg(long, short)]
     verbose: bool,
@@ -414,6 +418,11 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
         asked_config(&asked, &scene, given, &robots)?
     };
     let config = with_host(config, arguments);
+    if arguments.live && config.clock == Clock::Realtime {
+        let message = "--live cannot be used with --clock realtime";
+        return Err(Failure::new(Exit::Usage, message)
+            .hint("a planner would plan on while the fleet is paused: leave out --clock"));
+    }
     let guidance = setup.guidance.as_ref();
     let guidance = guidance.map(|path| load_guidance(path, grid)).transpose()?;
     let guidance = guidance.map(Arc::new);
@@ -786,7 +795,7 @@ pub(super) fn interrupted() -> bool {
 
 /// Shows the run on a terminal, keeps its records, and ends it when it is told to.
 struct Watcher {
-    trace: Option<TraceWriter<BufWriter<Unnamed>>>,
+    tee: Tee,
     recorder: Option<Recorder>,
     bar: ProgressBar,
     verbose: bool,
@@ -797,7 +806,10 @@ impl Watcher {
         let (trace, every) = (arguments.trace.as_deref(), arguments.trace_every);
         listen();
         Ok(Self {
-            trace: trace.map(|path| trace_file(path, every)).transpose()?,
+            tee: Tee {
+                trace: trace.map(|path| trace_file(path, every)).transpose()?,
+                live: arguments.live.then(Live::start).transpose()?,
+            },
             recorder: None,
             bar: output::bar(
                 config.duration_s.ceil() as u64,
@@ -808,17 +820,21 @@ impl Watcher {
     }
 
     fn finish(self) -> Result<()> {
-        self.trace.map_or(Ok(()), |trace| keep(trace.into_inner()))
+        let trace = self.tee.trace;
+        trace.map_or(Ok(()), |trace| keep(trace.into_inner()))
     }
 }
 
 impl Watch for Watcher {
     fn sink(&mut self) -> Option<&mut dyn TraceSink> {
-        let trace = self.trace.as_mut();
-        trace.map(|trace| trace as &mut dyn TraceSink)
+        let any = self.tee.trace.is_some() || self.tee.live.is_some();
+        any.then_some(&mut self.tee as &mut dyn TraceSink)
     }
 
     fn point(&mut self, point: &Point, rtf: f64) {
+        if self.tee.live.is_some() {
+            say(&Line::Point(point));
+        }
         if !self.bar.is_hidden() {
             let throughput = point.goals_reached as f64 / point.time_s.max(1e-9);
             self.bar.set_position(point.time_s as u64);
@@ -841,7 +857,36 @@ impl Watch for Watcher {
         }
     }
 
+    fn interventions(&mut self) -> Vec<Intervention> {
+        let live = self.tee.live.as_ref();
+        live.map(Live::interventions).unwrap_or_default()
+    }
+
+    fn intervened(&mut self, intervened: &Intervened) -> std::result::Result<(), InputError> {
+        if self.tee.live.is_some() {
+            say(&Line::Intervened(intervened));
+        }
+        match &mut self.recorder {
+            Some(recorder) => recorder.intervened(intervened),
+            None => Ok(()),
+        }
+    }
+
+    fn refused(&mut self, what: Intervention, reason: &str) {
+        let what = serde_json::to_string(&what).unwrap_or_default();
+        say(&Line::Refused { what, reason });
+    }
+
+    fn pace(&mut self, period_s: f64) {
+        if let Some(live) = &mut self.tee.live {
+            live.pace(period_s);
+        }
+    }
+
     fn doubt(&mut self, notice: &Notice) {
+        if self.tee.live.is_some() {
+            say(&Line::Doubt(notice));
+        }
         output::warning(&format!("{}: {}", notice.module, notice.message));
     }
 
@@ -861,7 +906,7 @@ impl Watch for Watcher {
     }
 
     fn is_interrupted(&self) -> bool {
-        interrupted()
+        interrupted() || self.tee.live.as_ref().is_some_and(Live::is_stopped)
     }
 }
 
@@ -888,6 +933,9 @@ fn picture<'a>(outcome: &'a FleetOutcome, grid: &'a Grid) -> FleetPicture<'a> {
 /// Prints what came of the run.
 fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
     match arguments.format {
+        Format::Json if arguments.live => {
+            output::print_json_line(&serde_json::json!({"record": outcome}))?;
+        }
         Format::Json => output::print_json(outcome)?,
         Format::Text => output::print(&output::plain(&text(outcome)))?,
     }

@@ -1,0 +1,296 @@
+//! The document that is edited, with its history and what was derived and made of it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use axum::http::StatusCode;
+use fleetyard_core::{Digest, InputError, read_file};
+use fleetyard_views::{Judged, Representation};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::answer::{Refused, Result};
+use crate::artefacts::{Artefacts, KeptPlan};
+use crate::document::Document;
+use crate::edit::{Edit, Refusal};
+use crate::files::{self, Exported, Files, Opened, Source};
+use crate::history::History;
+use crate::jobs::Origin;
+
+/// Most violations of a verdict that are described.
+const DESCRIBED: usize = 100;
+
+/// Largest plan file that is judged, in bytes.
+const PLAN_BYTES: u64 = 1 << 28;
+
+/// The document with its history. Requests take turns at it, and work on copies of it.
+#[derive(Debug, Default)]
+pub(crate) struct Desk {
+    state: Mutex<State>,
+    pub(crate) artefacts: Artefacts,
+    /// Documents of which plans were made, and the plans once they were read.
+    planned: Mutex<BTreeMap<u32, Planned>>,
+}
+
+#[derive(Debug)]
+struct State {
+    history: History,
+    files: Option<Files>,
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self {
+            history: History::new(Document::default()),
+            files: None,
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Planned {
+    document: Document,
+    plan: Option<Arc<KeptPlan>>,
+}
+
+/// A document with its place in the history.
+#[derive(Debug, Clone)]
+pub(crate) struct Now {
+    pub(crate) document: Document,
+    pub(crate) version: u64,
+    undo: Option<String>,
+    redo: Option<String>,
+}
+
+/// A request to change the document.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Change {
+    /// The version that the sender has seen.
+    base_version: u64,
+    #[serde(default)]
+    op: Option<Value>,
+}
+
+/// A change of the document that was read.
+#[derive(Debug)]
+pub struct Changing {
+    base_version: u64,
+    edit: Option<Edit>,
+}
+
+impl Changing {
+    /// Reads the request of an edit, or, without an operation, of a step back or forth.
+    pub fn read(bytes: &[u8], has_operation: bool) -> std::result::Result<Self, Refused> {
+        let Change { base_version, op } = serde_json::from_slice(bytes)
+            .map_err(|error| Refused::value(error.to_string()).at("").hint(CHANGE))?;
+        if op.is_some() != has_operation {
+            return Err(Refused::value("the request is not what this route takes")
+                .at("/op")
+                .hint(CHANGE));
+        }
+        Ok(Self {
+            base_version,
+            edit: op.map(Edit::read).transpose()?,
+        })
+    }
+
+    /// The edit, if it is one.
+    pub fn edit(&self) -> Option<&Edit> {
+        self.edit.as_ref()
+    }
+}
+
+const CHANGE: &str = "an edit is an object with base_version and op; undo and redo have no op";
+
+impl From<Refusal> for Refused {
+    fn from(refusal: Refusal) -> Self {
+        let Refusal { error, place, hint } = refusal;
+        Self::value(error).at(place).hint(hint)
+    }
+}
+
+/// A step through the history.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    Edit,
+    Undo,
+    Redo,
+}
+
+impl Desk {
+    fn state(&self) -> MutexGuard<'_, State> {
+        // An edit is made whole or not at all.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn planned(&self) -> MutexGuard<'_, BTreeMap<u32, Planned>> {
+        self.planned.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The document as it is.
+    pub(crate) fn now(&self) -> Now {
+        now(&self.state().history)
+    }
+
+    /// The document as a page is told it.
+    pub(crate) fn tell(&self, now: &Now) -> Result<Value> {
+        let whole = self.artefacts.whole(&now.document)?;
+        Ok(json!({
+            "version": now.version,
+            "digest": whole.digest,
+            "document": now.document,
+            "problems": whole.problems,
+            "undo": now.undo,
+            "redo": now.redo,
+        }))
+    }
+
+    /// Changes the document, if nobody else has changed it since.
+    pub(crate) fn change(&self, changing: &Changing, step: Step) -> Result<Now> {
+        let mut state = self.state();
+        let version = state.history.version();
+        if changing.base_version != version {
+            return Err(Refused::new(
+                StatusCode::CONFLICT,
+                "somebody has changed the document meanwhile",
+            )
+            .hint("get it again")
+            .with("version", version));
+        }
+        let nothing = |what: &str| {
+            let reason = format!("there is nothing to {what}");
+            Err(Refused::new(StatusCode::CONFLICT, reason).with("version", version))
+        };
+        match (step, &changing.edit) {
+            (Step::Edit, Some(edit)) => state.history.edit(edit)?,
+            (Step::Undo, _) if !state.history.undo() => return nothing("undo"),
+            (Step::Redo, _) if !state.history.redo() => return nothing("redo"),
+            _ => {}
+        }
+        Ok(now(&state.history))
+    }
+
+    /// Opens files that make a document together, in one step of the history.
+    pub(crate) fn open(&self, sources: &[Source]) -> Result<(Now, Vec<String>)> {
+        let mut state = self.state();
+        let Opened {
+            document,
+            notes,
+            files,
+        } = files::open(sources, state.history.document())?;
+        state.history.edit(&Edit::replace("open", document))?;
+        state.files = files;
+        Ok((now(&state.history), notes))
+    }
+
+    /// Begins with files, before anybody has seen the document.
+    pub(crate) fn begin(&self, sources: &[Source]) -> std::result::Result<Vec<String>, InputError> {
+        let mut state = self.state();
+        let Opened {
+            document,
+            notes,
+            files,
+        } = files::open(sources, state.history.document())?;
+        state.history = History::new(document);
+        state.files = files;
+        Ok(notes)
+    }
+
+    /// Writes the document to the files from which it was opened.
+    pub(crate) fn save(&self) -> Result<Files> {
+        let (document, files) = {
+            let state = self.state();
+            (state.history.document().clone(), state.files.clone())
+        };
+        let Some(files) = files else {
+            return Err(Refused::new(
+                StatusCode::CONFLICT,
+                "the document was opened from no task file",
+            )
+            .hint("export it, or start the studio with a task file"));
+        };
+        files::write(&document, &files)?;
+        Ok(files)
+    }
+
+    /// The document in one of its forms.
+    pub(crate) fn export(&self, form: &str) -> Result<Exported> {
+        Ok(files::export(&self.now().document, &self.artefacts, form)?)
+    }
+
+    /// The origin of a job on a document.
+    pub(crate) fn origin(&self, now: &Now) -> Result<Origin> {
+        let whole = self.artefacts.whole(&now.document)?;
+        let views = serde_json::to_value(now.document.views());
+        Ok(Origin {
+            version: now.version,
+            digest: whole.digest,
+            views: views.map_err(|error| Refused::machine("views cannot be written", error))?,
+        })
+    }
+
+    /// True if a job of this origin and view would be another one on the document as it is.
+    pub(crate) fn is_stale(&self, origin: &Origin, view: Option<Representation>) -> bool {
+        let Ok(now) = self.origin(&self.now()) else {
+            return true;
+        };
+        let changed = |view: Representation| now.views[view.name()] != origin.views[view.name()];
+        now.digest != origin.digest || view.is_some_and(changed)
+    }
+
+    /// Remembers the document of which a job makes a plan.
+    pub(crate) fn plans(&self, job: u32, document: Document) {
+        let plan = None;
+        self.planned().insert(job, Planned { document, plan });
+    }
+
+    /// Registers a job's plan.
+    pub(crate) fn register(&self, job: u32, plan: Digest, problem: Digest) {
+        let from = vec![("problem".to_owned(), problem)];
+        self.artefacts.register(&artefact(job), plan, from);
+    }
+
+    /// Forgets a job.
+    pub(crate) fn forget(&self, job: u32) {
+        self.planned().remove(&job);
+        self.artefacts.forget(&artefact(job));
+    }
+
+    /// The verdict on a job's plan in the document as it is.
+    pub(crate) fn verdict(&self, job: u32, path: &Path) -> Result<Judged> {
+        let planned = self.planned().get(&job).cloned();
+        let Some(Planned { document, plan }) = planned else {
+            return Err(Refused::unknown("plan"));
+        };
+        let plan = if let Some(plan) = plan {
+            plan
+        } else {
+            let bytes = read_file(path, PLAN_BYTES)?;
+            let plan = self.artefacts.plan(&document, path.to_owned(), bytes)?;
+            let plan = Arc::new(plan);
+            if let Some(planned) = self.planned().get_mut(&job) {
+                planned.plan = Some(Arc::clone(&plan));
+            }
+            plan
+        };
+        Ok(self
+            .artefacts
+            .verdict(&self.now().document, &plan, DESCRIBED)?)
+    }
+}
+
+/// The name of a job's plan among artefacts.
+fn artefact(job: u32) -> String {
+    format!("plan-{job}")
+}
+
+fn now(history: &History) -> Now {
+    Now {
+        document: history.document().clone(),
+        version: history.version(),
+        undo: history.undoable().map(str::to_owned),
+        redo: history.redoable().map(str::to_owned),
+    }
+}

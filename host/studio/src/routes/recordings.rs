@@ -1,0 +1,88 @@
+//! Routes of recordings.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use axum::Router;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Json, Response};
+use axum::routing::get;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::{Shared, apart, send_file};
+use crate::answer::{Refused, Result};
+use crate::jobs::ask::{ANNOTATIONS, TRACE};
+use crate::recordings::{Window, clip as make_clip};
+use crate::server::Studio;
+
+pub(super) fn routes() -> Router<Arc<Studio>> {
+    Router::new()
+        .route("/api/recordings", get(all))
+        .route("/api/recordings/{id}/meta", get(meta))
+        .route("/api/recordings/{id}/clip", get(clip))
+        .route("/api/recordings/{id}/trace", get(trace))
+        .route("/api/recordings/{id}/annotations", get(annotations))
+}
+
+async fn all(State(studio): Shared) -> Json<Value> {
+    let opened = studio.recordings.all().into_iter();
+    let opened = opened.map(|(id, one)| json!({"id": id, "name": one.name}));
+    Json(opened.collect())
+}
+
+#[derive(Deserialize)]
+struct Quick {
+    #[serde(default)]
+    quick: bool,
+}
+
+async fn meta(
+    State(studio): Shared,
+    Path(id): Path<u32>,
+    Query(Quick { quick }): Query<Quick>,
+) -> Result<Response> {
+    let (path, annotations) = (studio.trace(id)?, studio.jobs.file(id, ANNOTATIONS).ok());
+    apart(move || {
+        let meta = studio
+            .recordings
+            .meta(id, &path, annotations.as_deref(), quick)?;
+        Ok(([(CONTENT_TYPE, "application/json")], meta.to_vec()).into_response())
+    })
+    .await
+}
+
+async fn clip(
+    State(studio): Shared,
+    Path(id): Path<u32>,
+    window: std::result::Result<Query<Window>, QueryRejection>,
+) -> Result<Response> {
+    let Query(window) = window.map_err(|error| Refused::value(error.body_text()))?;
+    let path = studio.trace(id)?;
+    apart(move || {
+        let bytes = make_clip(&path, window)?;
+        Ok(([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response())
+    })
+    .await
+}
+
+async fn trace(State(studio): Shared, Path(id): Path<u32>) -> Result<Response> {
+    send_file(&studio.trace(id)?, "application/octet-stream").await
+}
+
+async fn annotations(State(studio): Shared, Path(id): Path<u32>) -> Result<Response> {
+    send_file(&studio.jobs.file(id, ANNOTATIONS)?, "application/json").await
+}
+
+impl Studio {
+    /// The trace of a recording: of a file that was opened, or of a job.
+    fn trace(&self, id: u32) -> Result<PathBuf> {
+        let opened = self.recordings.path(id);
+        let of_job = || self.jobs.file(id, TRACE);
+        opened
+            .map_or_else(of_job, Ok)
+            .map_err(|_| Refused::unknown("recording"))
+    }
+}

@@ -1,0 +1,508 @@
+//! The studio's server: who is let in, what is refused, jobs, recordings, and that nothing is left.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Stdio;
+
+use fleetyard_testkit::studio::{Studio, next_text};
+use fleetyard_testkit::{INPUT, SUCCESS, Yard, have, root, until, words};
+use serde_json::{Value, json};
+
+/// Folders of jobs of all studios of a yard.
+fn left(yard: &Yard) -> Vec<PathBuf> {
+    let base = yard.path(".cache/fleetyard");
+    let entries = fs::read_dir(base).into_iter().flatten();
+    entries.map(|entry| entry.unwrap().path()).collect()
+}
+
+/// A studio with a copy of two rooms, in the folder of the yard.
+fn two_rooms(yard: &Yard) -> Studio {
+    copy_rooms(yard);
+    Studio::start(yard, ROOMS)
+}
+
+/// A studio with so many robots that a planner goes on to better plans for as long as it may.
+fn busy_hall(yard: &Yard) -> Studio {
+    let map = root().join("maps/random-32-32-20.map");
+    let scen = root().join("maps/random-32-32-20-random-1.scen");
+    let studio = Studio::start(yard, &format!("{} {}", map.display(), scen.display()));
+    studio.edit(&json!({"op": "scatter", "count": 60, "seed": 1, "replace": true}));
+    studio
+}
+
+const ROOMS: &str = "two-rooms.task.json";
+
+fn copy_rooms(yard: &Yard) {
+    for name in [ROOMS, "two-rooms.world.json"] {
+        yard.write(name, fs::read(root().join("maps").join(name)).unwrap());
+    }
+}
+
+fn run(planner: &str, more: &Value) -> Value {
+    let mut run = json!({"planner": planner, "view": "grid", "budget_ms": 2000, "seed": 1});
+    for (key, value) in more.as_object().unwrap() {
+        run[key] = value.clone();
+    }
+    json!({"run": run})
+}
+
+#[test]
+fn a_studio_says_its_address_serves_its_page_and_leaves_nothing() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let door = studio.with("GET", &format!("/?token={}", studio.token), &[], b"");
+    let door = door.expect(303);
+    assert_eq!(door.header("location"), "/");
+    let cookie = door.header("set-cookie").to_owned();
+    assert!(cookie.contains("; HttpOnly; SameSite=Strict"), "{cookie}");
+    let cookie = cookie.split(';').next().unwrap();
+    let page = studio
+        .with("GET", "/", &[("Cookie", cookie)], b"")
+        .expect(200);
+    assert!(
+        page.header("content-security-policy")
+            .starts_with("default-src 'none';")
+    );
+    assert_eq!(page.header("x-content-type-options"), "nosniff");
+    assert_eq!(page.header("cache-control"), "no-store");
+    assert!(String::from_utf8_lossy(&page.body).contains("<html"));
+    studio.get("/viewer/stage.js").expect(200);
+    let about = studio.get("/api/studio").json();
+    assert_eq!(about["protocol"], 1);
+    assert_eq!(left(&yard).len(), 1);
+    studio.end("INT").expect(SUCCESS);
+    assert!(left(&yard).is_empty());
+}
+
+#[test]
+fn who_has_no_right_to_ask_is_refused() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let token = studio.token.clone();
+    let bearer = format!("Bearer {token}");
+    let wrong = format!("Bearer {}", token.chars().rev().collect::<String>());
+    let cookie = format!("fleetyard-{}={token}", studio.port);
+    let origin = format!("http://127.0.0.1:{}", studio.port);
+    let ask = |method: &str, path: &str, headers: &[(&str, &str)]| {
+        studio.with(method, path, headers, b"{}").status
+    };
+    let right = ("Authorization", bearer.as_str());
+    // No token, a wrong one, one in the wrong place.
+    assert_eq!(ask("GET", "/", &[]), 401);
+    assert_eq!(ask("GET", "/api/document", &[]), 401);
+    assert_eq!(
+        ask("GET", "/api/document", &[("Authorization", &wrong)]),
+        401
+    );
+    assert_eq!(
+        ask("GET", &format!("/api/document?token={token}"), &[]),
+        401
+    );
+    // Other pages, and names that lead here.
+    let elsewhere = ("Origin", "http://evil.example");
+    assert_eq!(ask("GET", "/api/document", &[right, elsewhere]), 403);
+    assert_eq!(ask("POST", "/api/planners", &[("Cookie", &cookie)]), 403);
+    assert_eq!(
+        ask(
+            "POST",
+            "/api/planners",
+            &[("Cookie", &cookie), ("Origin", &origin)]
+        ),
+        200
+    );
+    let host = |host: &str| {
+        let head = format!(
+            "GET /api/document HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\nAuthorization: {bearer}\r\n\r\n"
+        );
+        studio.send(&head, b"").status
+    };
+    assert_eq!(host(&format!("127.0.0.1:{}", studio.port)), 200);
+    assert_eq!(host(&format!("localhost:{}", studio.port)), 200);
+    assert_eq!(host(&format!("evil.example:{}", studio.port)), 421);
+    assert_eq!(host("127.0.0.1"), 421);
+    // A socket from another page.
+    let upgrade = [
+        ("Cookie", cookie.as_str()),
+        ("Upgrade", "websocket"),
+        ("Connection", "Upgrade"),
+    ];
+    assert_eq!(ask("GET", "/api/feed", &upgrade), 403);
+    // Paths that lead out, and asking where something would be started.
+    for path in [
+        "/../Cargo.toml",
+        "/..%2fCargo.toml",
+        "/viewer/../index.html",
+        "/viewer/%2e%2e%2fsecret",
+        "/api/recordings/..%2f1/trace",
+    ] {
+        let status = ask("GET", path, &[right]);
+        assert!(status == 404 || status == 400, "{path}: {status}");
+    }
+    for path in ["/api/edit", "/api/open", "/api/undo", "/api/jobs/1/cancel"] {
+        assert_eq!(ask("GET", path, &[right]), 405, "{path}");
+    }
+    // What is too large, and what is unknown.
+    let large = vec![b' '; 70_000];
+    assert_eq!(studio.ask("POST", "/api/jobs", &large).status, 413);
+    assert_eq!(ask("GET", "/api/jobs/7", &[right]), 404);
+    assert_eq!(ask("POST", "/api/jobs/7/stop", &[right]), 404);
+    assert_eq!(ask("DELETE", "/api/jobs/7", &[right]), 404);
+    assert_eq!(
+        ask("GET", "/api/recordings/7/clip?from_s=0&to_s=1", &[right]),
+        404
+    );
+    assert_eq!(ask("GET", "/api/nothing", &[right]), 404);
+    studio.end("TERM").expect(SUCCESS);
+}
+
+#[test]
+fn nothing_is_started_before_somebody_asks() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    assert_eq!(studio.get("/api/planners").json(), json!([]));
+    assert_eq!(studio.processes().len(), 1);
+    let found = studio.post("/api/planners", &json!({})).expect(200).json();
+    let cbs = found
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|planner| planner["id"] == "cbs");
+    assert_eq!(cbs.unwrap()["representations"], json!(["grid"]));
+    assert_eq!(studio.get("/api/planners").json(), found);
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn of_two_who_edit_at_once_one_is_told() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let mut feed = studio.feed();
+    assert_eq!(next_text(&mut feed)["type"], "hello");
+    let first = studio.get("/api/document").expect(200).json();
+    assert_eq!(first["problems"], json!([]));
+    let edit = |seed: u64, base: &Value| {
+        let asked = json!({"base_version": base, "op": {"op": "set-seed", "seed": seed}});
+        studio.post("/api/edit", &asked)
+    };
+    let second = edit(7, &first["version"]).expect(200).json();
+    assert_eq!(second["document"]["seed"], 7);
+    let late = edit(8, &first["version"]).expect(409).json();
+    assert_eq!(late["version"], second["version"]);
+    let news = next_text(&mut feed);
+    assert_eq!(
+        news,
+        json!({"type": "changed", "version": second["version"]})
+    );
+    // A refusal changes nothing, and says where.
+    let asked =
+        json!({"base_version": second["version"], "op": {"op": "remove-agents", "indices": [999]}});
+    let refused = studio.post("/api/edit", &asked).expect(422).json();
+    assert!(
+        refused["error"].is_string() && refused["place"].is_string() && refused["hint"].is_string()
+    );
+    let undone = studio
+        .post("/api/undo", &json!({"base_version": second["version"]}))
+        .expect(200)
+        .json();
+    assert_eq!(undone["digest"], first["digest"]);
+    assert_eq!(undone["document"]["seed"], first["document"]["seed"]);
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn a_job_gives_what_the_command_line_gives() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let asked = run(
+        "lacam",
+        &json!({"execute": {}, "options": {"anytime": false}}),
+    );
+    let job = studio.post("/api/jobs", &asked).expect(200).json();
+    let job = studio.wait_for(&job);
+    assert_eq!(
+        (&job["state"], &job["exit"]),
+        (&json!("done"), &json!(0)),
+        "{job}"
+    );
+    assert_eq!(job["stale"], false);
+    assert_eq!(job["verdict"]["valid"], true);
+    assert!(!job["incumbents"].as_array().unwrap().is_empty());
+    // The same by hand.
+    let task = ROOMS;
+    let by_hand = yard.line(&format!(
+        "run --task {task} --planner lacam --option anytime=false --representation grid --budget 2s \
+         --seed 1 --plan-out plan.json --format json"
+    ));
+    let by_hand = by_hand.expect(SUCCESS).json();
+    assert_eq!(job["record"]["instance_digest"], by_hand["instance_digest"]);
+    assert_eq!(job["record"]["plan_digest"], by_hand["plan_digest"]);
+    let executed = yard.line(&format!(
+        "simulate plan.json --task {task} --trace run.trace --format json"
+    ));
+    let executed = executed.expect(SUCCESS).json();
+    assert_eq!(job["execution"]["trace_digest"], executed["trace_digest"]);
+    // The recording of it, whole and in windows.
+    let id = &job["id"];
+    let trace = studio
+        .get(&format!("/api/recordings/{id}/trace"))
+        .expect(200);
+    assert_eq!(trace.body, yard.read("run.trace"));
+    let meta = studio
+        .get(&format!("/api/recordings/{id}/meta"))
+        .expect(200)
+        .json();
+    let quick = studio
+        .get(&format!("/api/recordings/{id}/meta?quick=true"))
+        .expect(200)
+        .json();
+    assert_eq!(meta["duration_s"], quick["duration_s"]);
+    let clip = studio
+        .get(&format!("/api/recordings/{id}/clip?from_s=1&to_s=2"))
+        .expect(200);
+    assert_eq!(&clip.body[..4], b"FYC1");
+    let number = |at: usize| u32::from_le_bytes(clip.body[at..at + 4].try_into().unwrap());
+    assert_eq!(
+        (number(4), number(8)),
+        (meta["agents"].as_u64().unwrap() as u32, 11)
+    );
+    for wrong in [
+        "from_s=2&to_s=1",
+        "from_s=-1&to_s=1",
+        "from_s=0&to_s=1e300",
+        "from_s=0&to_s=1&rate=0",
+        "from_s=0",
+        "from_s=x&to_s=1",
+    ] {
+        studio
+            .get(&format!("/api/recordings/{id}/clip?{wrong}"))
+            .expect(422);
+    }
+    // The document moves on: the plan is of another one.
+    let document = studio.get("/api/document").json();
+    let mut agent = document["document"]["agents"][0].clone();
+    agent["goal"] = agent["start"].clone();
+    studio.edit(&json!({"op": "set-agent", "index": 0, "agent": agent}));
+    let stale = studio.get(&format!("/api/jobs/{id}")).json();
+    assert_eq!(stale["stale"], true);
+    assert_eq!(stale["verdict"]["valid"], false);
+    studio
+        .ask("DELETE", &format!("/api/jobs/{id}"), b"")
+        .expect(200);
+    studio.get(&format!("/api/jobs/{id}")).expect(404);
+    studio.end("INT").expect(SUCCESS);
+    assert!(left(&yard).is_empty());
+}
+
+#[test]
+fn a_job_that_is_stopped_has_its_best_plan_and_one_that_is_cancelled_leaves_nothing() {
+    let yard = Yard::new();
+    let studio = busy_hall(&yard);
+    let asked = run("lacam", &json!({"budget_ms": 600_000}));
+    let start = || studio.post("/api/jobs", &asked).expect(200).json();
+    let first = start();
+    let path = format!("/api/jobs/{}", first["id"]);
+    let planned = || {
+        !studio.get(&path).json()["incumbents"]
+            .as_array()
+            .unwrap()
+            .is_empty()
+    };
+    assert!(until(planned));
+    studio.ask("POST", &format!("{path}/stop"), b"").expect(200);
+    let stopped = studio.wait_for(&first);
+    assert_eq!(
+        (&stopped["state"], &stopped["exit"]),
+        (&json!("done"), &json!(130)),
+        "{stopped}"
+    );
+    assert_eq!(stopped["has"]["plan"], true);
+    assert_eq!(stopped["verdict"]["view"]["valid"], true, "{stopped}");
+    // Two run and one waits; all are cancelled.
+    let jobs = [start(), start(), start()];
+    let running =
+        |job: &Value| studio.get(&format!("/api/jobs/{}", job["id"])).json()["state"] == "running";
+    assert!(until(|| running(&jobs[0]) && running(&jobs[1])));
+    assert!(!running(&jobs[2]));
+    assert!(studio.processes().len() > 2);
+    let busy = format!("/api/jobs/{}", jobs[0]["id"]);
+    studio.ask("DELETE", &busy, b"").expect(409);
+    for job in jobs.iter().rev() {
+        studio
+            .ask("POST", &format!("/api/jobs/{}/cancel", job["id"]), b"")
+            .expect(200);
+    }
+    for job in &jobs {
+        assert_eq!(studio.wait_for(job)["state"], "cancelled");
+    }
+    assert_eq!(studio.processes().len(), 1);
+    let folders = fs::read_dir(&left(&yard)[0]).unwrap().count();
+    assert_eq!(folders, 1, "that of the job that was stopped");
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn a_studio_that_ends_takes_its_jobs_with_it_however_it_ends() {
+    for signal in ["INT", "KILL"] {
+        let yard = Yard::new();
+        let mut studio = busy_hall(&yard);
+        let asked = run("lacam", &json!({"budget_ms": 600_000}));
+        let job = studio.post("/api/jobs", &asked).expect(200).json();
+        let path = format!("/api/jobs/{}", job["id"]);
+        assert!(until(|| studio.get(&path).json()["state"] == "running"));
+        assert!(until(|| studio.processes().len() > 2));
+        if signal == "INT" {
+            studio.end("INT").expect(SUCCESS);
+            assert!(left(&yard).is_empty());
+            continue;
+        }
+        assert!(!studio.kill().success());
+        assert!(until(|| studio.processes().is_empty()));
+        // Its folder is removed by the next one.
+        assert_eq!(left(&yard).len(), 1);
+        let old = left(&yard)[0].clone();
+        let next = two_rooms(&yard);
+        assert!(!old.exists());
+        next.end("TERM").expect(SUCCESS);
+        assert!(left(&yard).is_empty());
+    }
+}
+
+#[test]
+fn a_page_that_does_not_read_keeps_nobody_waiting() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let slow: Vec<_> = (0..3).map(|_| studio.feed()).collect();
+    let mut reads = studio.feed();
+    let mut version = Value::Null;
+    for seed in 0..200 {
+        version = studio.edit(&json!({"op": "set-seed", "seed": seed}))["version"].take();
+    }
+    let told = until(|| next_text(&mut reads)["version"] == version);
+    assert!(told);
+    // What a page says that makes no sense is answered, and the page stays.
+    reads.send("{\"type\":\"watch\"}".into()).unwrap();
+    assert_eq!(next_text(&mut reads)["type"], "refused");
+    reads
+        .send("{\"type\":\"control\",\"job\":1,\"do\":{}}".into())
+        .unwrap();
+    assert_eq!(next_text(&mut reads)["type"], "refused");
+    studio.end("INT").expect(SUCCESS);
+    let goodbye = until(|| {
+        let news = next_text(&mut reads);
+        news.is_null() || news["type"] == "goodbye"
+    });
+    assert!(goodbye);
+    drop(slow);
+}
+
+#[test]
+fn files_are_opened_exported_and_saved() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let first = studio.get("/api/document").json();
+    let exported = studio
+        .get("/api/export?as=task&all=true")
+        .expect(200)
+        .json();
+    assert_eq!(exported["files"].as_array().unwrap().len(), 2);
+    let map = fs::read(root().join("maps/random-32-32-20.map")).unwrap();
+    let scen = fs::read(root().join("maps/random-32-32-20-random-1.scen")).unwrap();
+    let opened = studio
+        .ask("POST", "/api/open?name=random-32-32-20.map", &map)
+        .expect(200)
+        .json();
+    assert_eq!(opened["document"]["document"]["ground"]["map"]["rows"], 32);
+    let opened = studio
+        .ask("POST", "/api/open?name=a.scen", &scen)
+        .expect(200)
+        .json();
+    assert!(
+        !opened["document"]["document"]["agents"]
+            .as_array()
+            .unwrap()
+            .is_empty()
+    );
+    // It has no files of its own.
+    studio.ask("POST", "/api/save", b"").expect(409);
+    let version = &opened["document"]["version"];
+    let undone = studio
+        .post("/api/undo", &json!({"base_version": version}))
+        .expect(200)
+        .json();
+    studio
+        .post("/api/undo", &json!({"base_version": undone["version"]}))
+        .expect(200);
+    assert_eq!(
+        studio.get("/api/document").json()["digest"],
+        first["digest"]
+    );
+    for wrong in ["", ".", "..", "a/b", "a%2fb", ".hidden"] {
+        studio
+            .ask("POST", &format!("/api/open?name={wrong}"), b"x")
+            .expect(422);
+    }
+    studio
+        .ask("POST", "/api/open?name=a.map", b"\xff\xfe")
+        .expect(422);
+    let layers = studio.get("/api/artefacts").expect(200).json();
+    assert_eq!(layers[0]["id"], "world");
+    studio.get("/api/grid").expect(200);
+    studio.get("/api/roadmap").expect(200);
+    studio.get("/api/clearance?side=0.5").expect(200);
+    studio.get("/api/clearance?side=0").expect(422);
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn a_studio_ends_when_its_standard_input_closes() {
+    let yard = Yard::new();
+    let started = yard.start_with(
+        fleetyard_testkit::fleetyard(),
+        &words("studio --no-open"),
+        |command| {
+            command.stdin(Stdio::piped());
+        },
+    );
+    let ended = started.wait_by(|started| {
+        drop(started.child.stdin.take());
+        started.child.wait().ok()
+    });
+    ended.expect(SUCCESS);
+    assert!(left(&yard).is_empty());
+}
+
+#[test]
+fn a_studio_says_why_it_does_not_begin() {
+    let yard = Yard::new();
+    yard.line("studio --no-open missing.task.json")
+        .expect(INPUT);
+    yard.write("bad.task.json", "{\"format\": \"fleetyard.task/1\"");
+    let ended = yard.line("studio --no-open bad.task.json").expect(INPUT);
+    assert!(
+        ended.stderr.contains("bad.task.json") && ended.stderr.contains("hint:"),
+        "{ended}"
+    );
+    let studio = two_rooms(&yard);
+    let ended = yard
+        .line(&format!("studio --no-open --port {}", studio.port))
+        .expect(INPUT);
+    assert!(ended.stderr.contains("--port"), "{ended}");
+    studio.end("INT").expect(SUCCESS);
+}
+
+/// The example of `docs/studio-protocol.md`, as a script.
+#[test]
+fn the_script_of_the_page_drives_a_studio() {
+    if !have("python3") {
+        return;
+    }
+    let page = fs::read_to_string(root().join("docs/studio-protocol.md")).unwrap();
+    let (_, script) = page.split_once("```python\n").unwrap();
+    let (script, _) = script.split_once("```").unwrap();
+    let yard = Yard::new();
+    yard.write("drive.py", script);
+    copy_rooms(&yard);
+    let ended = yard.shell("python3 drive.py").expect(SUCCESS);
+    assert!(ended.stdout.contains("valid: True"), "{ended}");
+    assert!(left(&yard).is_empty());
+}
