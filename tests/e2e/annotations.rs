@@ -52,6 +52,38 @@ fn constraints_of_cbs_are_shown_and_its_plan_is_the_same_without() {
     assert!(same, "attachments differ");
 }
 
+/// The tree begins at the start, and the plan is the same without it.
+#[test]
+fn planners_for_dynamics_show_their_trees() {
+    let yard = Yard::new();
+    let task = root().join("maps/rover.task.json").display().to_string();
+    for (planner, nodes) in [
+        ("hybrid-astar", 100_000),
+        ("rrt-star", 400),
+        ("sst", 10_000),
+        ("db-astar", 100_000),
+    ] {
+        let asked = format!(
+            "run --task {task} --planner {planner} --representation continuous --nodes {nodes} --budget 1m --format json"
+        );
+        let without = yard.line(&asked).expect(SUCCESS).json();
+        let with = yard.line(&format!("{asked} --annotations shown.json"));
+        assert_eq!(
+            with.expect(SUCCESS).json()["plan_digest"],
+            without["plan_digest"],
+            "{planner}"
+        );
+        let shown = shown(&yard, "shown.json");
+        assert_eq!(layers(&shown), ["trees"], "{planner}");
+        let lines = shown["annotations"][0]["xy_m"].as_array().unwrap();
+        assert!(lines.len() > 50, "{planner}: {} lines", lines.len());
+        let from_start = lines
+            .iter()
+            .any(|line| line[0] == serde_json::json!([1.4, 2.0]));
+        assert!(from_start, "{planner}");
+    }
+}
+
 #[test]
 fn pictures_and_replays_have_the_layers() {
     let yard = Yard::new();

@@ -140,8 +140,17 @@ impl<'a> Picture<'a> {
         canvas.roadmap(&self.world.roadmap);
         canvas.obstacles(self.world);
         let agents = self.paths.len().max(self.bodies.len());
+        // Lines, such as those of a search tree, would hide the plan.
+        let lines = |layer: &&Layer| {
+            layer
+                .annotations
+                .iter()
+                .all(|one| one.shape == Shape::Lines)
+        };
+        let (below, above): (Vec<_>, Vec<_>) = self.layers.all.iter().partition(lines);
+        canvas.layers(&below);
         canvas.paths(&self.paths, agents, !self.bodies.is_empty());
-        canvas.layers(&self.layers);
+        canvas.layers(&above);
         canvas.goals(&self.goals);
         if self.bodies.is_empty() {
             canvas.starts(&self.paths);
@@ -369,8 +378,8 @@ impl Canvas {
     }
 
     /// Each layer as a group with its name, so that a program can hide it.
-    fn layers(&mut self, layers: &Layers) {
-        for layer in &layers.all {
+    fn layers(&mut self, layers: &[&Layer]) {
+        for layer in layers {
             self.svg
                 .element("g")
                 .with("class", "layer")
@@ -386,7 +395,12 @@ impl Canvas {
     }
 
     fn annotation(&mut self, layer: &Layer, annotation: &Annotation) {
-        let width = self.number((0.1 * self.unit_m).max(1.6 * self.pixel_m));
+        let least = if annotation.shape == Shape::Lines {
+            1.0
+        } else {
+            1.6
+        };
+        let width = self.number((0.1 * self.unit_m).max(least * self.pixel_m));
         let radius = 0.2 * self.unit_m;
         let words = words(annotation);
         for (number, points) in annotation.xy_m.iter().enumerate() {

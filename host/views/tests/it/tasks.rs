@@ -28,7 +28,10 @@ fn tasks_are_as_they_would_be_written() {
         let world = load_workspace(maps(name)).unwrap();
         check(name, &write_workspace(&world));
     }
-    for name in TASKS.into_iter().chain(["floor.task.json"]) {
+    for name in TASKS
+        .into_iter()
+        .chain(["floor.task.json", "rover.task.json"])
+    {
         let file = maps(name);
         let task = load_task(&file).unwrap();
         let written = write_task(&task);
