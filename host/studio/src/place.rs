@@ -97,7 +97,10 @@ pub(crate) fn snap(
     let largest = of_agents.fold(0.0, f64::max);
     let cells = Cells::new(document, largest).map_err(refuse)?;
     let free = Free::new(&cells.world);
+    let of_agents = agents.iter().map(|agent| radii[agent.robot as usize]);
+    let smallest = of_agents.fold(f64::INFINITY, f64::min);
     for end in [End::Start, End::Goal] {
+        let mut open = Open::new(&cells);
         let mut taken = Taken::of([], 2.0 * largest);
         let mut others = Vec::new();
         for (number, agent) in agents.iter_mut().enumerate() {
@@ -127,8 +130,8 @@ pub(crate) fn snap(
                 End::Start => &mut agent.start,
                 End::Goal => &mut agent.goal,
             };
-            let nearest = cells.nearest(state.at_m(), |at| taken.is_clear(at, own));
-            let Some(at) = nearest else {
+            let is_clear = |at: [f64; 2]| taken.is_clear(at, own);
+            let Some(cell) = open.nearest(state.at_m(), own <= smallest, is_clear) else {
                 let reason = format!("no free place is left for the {end} of agent {number}");
                 let hint = "remove some robots, make them smaller, or give them more space";
                 return Err(Refusal::new(
@@ -137,8 +140,10 @@ pub(crate) fn snap(
                     hint,
                 ));
             };
+            let at = cells.center_m(cell);
             [state.x_m, state.y_m] = at;
             taken.add(at, own);
+            open.close(cell);
         }
     }
     Ok(agents)
@@ -197,48 +202,103 @@ impl Cells {
         let cell = self.at(place);
         self.grid.is_passable(cell).then(|| self.center_m(cell))
     }
+}
 
-    /// The middle of a free cell that is nearest to a place, among those that are clear. Cells are
-    /// searched ring by ring around the one at the place.
-    fn nearest(&self, place: [f64; 2], is_clear: impl Fn([f64; 2]) -> bool) -> Option<[f64; 2]> {
-        let (rows, cols) = (self.grid.rows(), self.grid.cols());
-        let (row, col) = self.grid.row_col(self.at(place));
-        let mut best: Option<(f64, [f64; 2])> = None;
-        let mut found_in = None;
-        for ring in 0..rows.max(cols) {
-            // A cell of a ring may be farther than one of the next, by a factor of √2.
-            if found_in.is_some_and(|first: u32| ring > first + first / 2 + 2) {
+/// Cells that are open, by rows: of each cell the next that is, in either direction. Cells that were
+/// closed point past themselves, and ways along them are shortened as they are gone.
+struct Open<'a> {
+    cells: &'a Cells,
+    /// A row has one place more, which ends it.
+    right: Vec<u32>,
+    left: Vec<u32>,
+}
+
+impl<'a> Open<'a> {
+    fn new(cells: &'a Cells) -> Self {
+        let places = cells.grid.rows() * (cells.grid.cols() + 1);
+        let mut open = Self {
+            cells,
+            right: (0..places).collect(),
+            left: (0..places).collect(),
+        };
+        let blocked = (0..cells.grid.cell_count()).filter(|cell| !cells.grid.is_passable(*cell));
+        blocked.for_each(|cell| open.close(cell));
+        open
+    }
+
+    fn close(&mut self, cell: u32) {
+        let (row, col) = self.cells.grid.row_col(cell);
+        let at = row * (self.cells.grid.cols() + 1) + col;
+        self.right[at as usize] = at + 1;
+        // Here the place that ends a row is its first.
+        self.left[at as usize + 1] = at;
+    }
+
+    fn next(ways: &mut [u32], mut at: u32) -> u32 {
+        while ways[at as usize] != at {
+            let beyond = ways[ways[at as usize] as usize];
+            ways[at as usize] = beyond;
+            at = beyond;
+        }
+        at
+    }
+
+    /// The open cell whose middle is nearest to a place, the first among equals, of those where a disc
+    /// would be clear. Cells that are clear for `none` of the discs that are to come are closed.
+    fn nearest(
+        &mut self,
+        place: [f64; 2],
+        none: bool,
+        is_clear: impl Fn([f64; 2]) -> bool,
+    ) -> Option<u32> {
+        let cells = self.cells;
+        let (rows, cols) = (cells.grid.rows(), cells.grid.cols());
+        let (row, col) = cells.grid.row_col(cells.at(place));
+        let far = |cell: u32| {
+            let at = cells.center_m(cell);
+            let (x, y) = (at[0] - place[0], at[1] - place[1]);
+            (x * x + y * y, at)
+        };
+        let mut best = (f64::INFINITY, u32::MAX);
+        for step in 0..rows {
+            let least = (f64::from(step) - 1.0).max(0.0) * cells.side_m;
+            if least * least > best.0 {
                 break;
             }
-            let mut look = |row: u32, col: u32| {
-                let cell = row * cols + col;
-                if !self.grid.is_passable(cell) {
-                    return;
+            let both = [
+                row.checked_sub(step),
+                row.checked_add(step).filter(|_| step > 0),
+            ];
+            for row in both.into_iter().flatten().filter(|row| *row < rows) {
+                let first = row * (cols + 1);
+                for is_right in [true, false] {
+                    let mut at = first + col + u32::from(!is_right);
+                    loop {
+                        let cell = if is_right {
+                            at = Self::next(&mut self.right, at);
+                            (at < first + cols).then(|| row * cols + at - first)
+                        } else {
+                            at = Self::next(&mut self.left, at);
+                            (at > first).then(|| row * cols + at - first - 1)
+                        };
+                        let Some(cell) = cell else { break };
+                        let (square, middle) = far(cell);
+                        if (square, cell) >= best {
+                            break;
+                        }
+                        if is_clear(middle) {
+                            best = (square, cell);
+                            break;
+                        }
+                        if none {
+                            self.close(cell);
+                        }
+                        at = if is_right { at + 1 } else { at - 1 };
+                    }
                 }
-                let at = self.center_m(cell);
-                let (x, y) = (at[0] - place[0], at[1] - place[1]);
-                let square = x * x + y * y;
-                if best.is_none_or(|(least, _)| square < least) && is_clear(at) {
-                    best = Some((square, at));
-                }
-            };
-            let span = |middle: u32, count: u32| {
-                middle.saturating_sub(ring)..=(middle + ring).min(count - 1)
-            };
-            for other in span(row, rows) {
-                if other.abs_diff(row) == ring {
-                    span(col, cols).for_each(|col| look(other, col));
-                } else {
-                    let ends = [col.checked_sub(ring), Some(col + ring)];
-                    let ends = ends.into_iter().flatten().filter(|col| *col < cols);
-                    ends.for_each(|col| look(other, col));
-                }
-            }
-            if found_in.is_none() && best.is_some() {
-                found_in = Some(ring);
             }
         }
-        best.map(|(_, at)| at)
+        (best.1 != u32::MAX).then_some(best.1)
     }
 }
 
