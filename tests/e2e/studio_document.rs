@@ -55,7 +55,7 @@ fn documents() -> Vec<Document> {
             json!({"op": "set-view", "roadmap": {"builder": "prm-star", "vertices": 120}}),
             seed,
         ]),
-        made(&[cells, scatter("robot", 5), lattice]),
+        made(&[cells, lattice, scatter("robot", 5)]),
     ]
 }
 
@@ -88,15 +88,16 @@ fn digests_are_those_of_the_command() {
             });
             flags.collect::<Vec<_>>().join(" ")
         };
+        // Under its own name a grid would replace the map of the task.
         let grid = run(&format!(
-            "world grid {task} {} --format json",
+            "world grid {task} {} --name view --format json",
             flags(&views["grid"])
         ));
         let view = artefacts.instance(&document).unwrap();
         assert_eq!(grid["instance_digest"], json!(view.instance.digest()));
         assert_eq!(grid["cell_m"], json!(view.cell_m));
         let roadmap = run(&format!(
-            "world roadmap {task} {} --format json",
+            "world roadmap {task} {} --name view --format json",
             flags(&views["roadmap"])
         ));
         assert_eq!(
