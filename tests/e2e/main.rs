@@ -35,6 +35,7 @@ mod rows;
 mod scaffold;
 mod simulate;
 mod slurm;
+mod studio;
 mod studio_document;
 mod studio_server;
 mod trace;

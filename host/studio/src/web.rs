@@ -14,7 +14,32 @@ macro_rules! files {
     };
 }
 
-files!["index.html", "studio.css", "studio.js"];
+files![
+    "api.js",
+    "commands.js",
+    "dom.js",
+    "drawing.js",
+    "edits.js",
+    "forms.js",
+    "geometry.js",
+    "icon.svg",
+    "index.html",
+    "jobs.js",
+    "layers.js",
+    "link.js",
+    "main.js",
+    "minimap.js",
+    "panel-plan.js",
+    "panel-robots.js",
+    "panel-watch.js",
+    "panel-world.js",
+    "selection.js",
+    "store.js",
+    "studio.css",
+    "survey.js",
+    "tools.js",
+    "watch.js",
+];
 
 /// A file of the page; the page itself without a name.
 pub(crate) fn file(name: &str) -> Response {

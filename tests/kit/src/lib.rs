@@ -8,6 +8,7 @@
 
 pub mod browser;
 mod command;
+pub mod devtools;
 pub mod grid;
 mod metadata;
 mod notes;

@@ -1,0 +1,441 @@
+// Recordings on the stage: one to four side by side on one clock.
+
+import { Clock, SPEEDS } from '/viewer/clock.js';
+import { Cells } from '/viewer/cells.js';
+import { Clips } from '/viewer/motion.js';
+import { Recording } from '/viewer/recording.js';
+import { Scene } from '/viewer/scene.js';
+import { Stage } from '/viewer/stage.js';
+import { decode } from '/viewer/clip.js';
+
+import { $, h, icon, iconButton, say, select } from './dom.js';
+import { api } from './api.js';
+import { AGENTS, HEAT, theme, traceOutline } from './drawing.js';
+import { isOver, nameOf, verdictOf } from './jobs.js';
+import { survey } from './survey.js';
+
+const MOST = 4;
+/** A violation is shown so long around its moment. */
+const AROUND_S = 0.75;
+/** Cells or places of reservations that one picture has. */
+const RESERVED = 20_000;
+
+export const OVERLAYS = [
+  ['trails', 'Tails'], ['paths', 'Paths'], ['goals', 'Goals'], ['numbers', 'Numbers'], ['contacts', 'Contacts'],
+  ['violations', 'Violations'], ['reservations', 'Reservations'], ['usage', 'Usage'], ['waiting', 'Waiting'], ['annotations', 'Annotations'],
+];
+
+export class Watch {
+  constructor(app) {
+    this.app = app;
+    this.panes = [];
+    this.clock = new Clock(0);
+    this.show_ = { trails: true, paths: false, goals: false, numbers: true, contacts: true, violations: true, reservations: false, usage: false, waiting: false, annotations: true };
+    this.coloring = 'agent';
+    this.window_s = 3;
+    this.listeners = [];
+    /** Recordings that were opened from files: `{id, name}`. */
+    this.files = new Map();
+    this.buildTransport();
+    this.clock.held = () => this.panes.some(({ scene }) => !scene.known);
+    this.clock.on('time', () => this.tellTime());
+    this.clock.on('play', () => this.tellPlay());
+    this.clock.on('speed', () => { this.speed.value = String(this.clock.speed); });
+  }
+
+  on(listener) { this.listeners.push(listener); }
+  tell(what) { for (const listener of this.listeners) listener(what); }
+
+  canShow(job) { return Boolean(job.has?.trace) && isOver(job); }
+
+  /** What can be watched, as `[id, name]`. */
+  get offers() {
+    return [
+      ...[...this.files].map(([id, name]) => [id, name]),
+      ...this.app.jobs.list.filter((job) => this.canShow(job)).map((job) => [job.id, `${job.id}. ${nameOf(job)}`]),
+    ];
+  }
+
+  nameOf(id) {
+    const job = this.app.jobs.get(id);
+    return this.files.get(id) ?? (job ? `${job.id}. ${nameOf(job)}` : `recording ${id}`);
+  }
+
+  get ids() { return this.panes.map(({ id }) => id); }
+  get open() { return this.panes.length > 0; }
+
+  /** Shows recordings side by side. Resolves once their first picture can be drawn. */
+  async show(ids, { tab = true, at = null } = {}) {
+    const wanted = ids.slice(0, MOST);
+    const metas = [];
+    try {
+      for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id)?.recording.meta ?? await api.meta(id, true));
+    } catch (error) {
+      this.app.store.refuse(error);
+      return false;
+    }
+    this.close(false);
+    wanted.forEach((id, index) => this.addPane(id, metas[index]));
+    this.clock.end = Math.max(0, ...this.panes.map(({ recording }) => recording.end_s));
+    this.seek.max = this.clock.end;
+    this.clock.seek(at ?? 0);
+    this.tellPlay();
+    this.layout();
+    if (tab) this.app.tab('watch');
+    this.tell('shown');
+    say(`watching ${wanted.map((id) => this.nameOf(id)).join(', ')}`);
+    return true;
+  }
+
+  addPane(id, meta) {
+    const node = h('div', { class: 'pane', 'data-recording': id });
+    $('stages').append(node);
+    const stage = new Stage(node);
+    Object.assign(stage.scene, { tabIndex: 0 });
+    stage.scene.setAttribute('role', 'application');
+    stage.scene.setAttribute('aria-label', `${this.nameOf(id)}: map with robots. Arrow keys pan, plus and minus zoom, 0 shows everything.`);
+    const recording = new Recording(meta);
+    const load = async (from, to) => decode(await api.clip(id, from, to));
+    const motion = new Clips({
+      bodies: meta.ids.length, end_s: meta.duration_s, rate_hz: meta.sample_s > 0 ? 1 / meta.sample_s : 10, load,
+      arrived: () => stage.invalidate(),
+    });
+    const scene = new Scene(stage, recording, motion, this.clock);
+    const job = this.app.jobs.get(id), verdict = job ? verdictOf(job) : null;
+    const pane = { id, node, stage, recording, motion, scene, load, violations: verdict?.violations ?? [], survey: null, surveying: null };
+    pane.title = h('p', { class: 'pane-title' }, this.titleOf(id, verdict));
+    node.append(pane.title);
+    pane.layers = [pathsLayer(pane), heatLayer(pane, 'usage'), heatLayer(pane, 'waiting'), reservations(this, pane), violations(pane)];
+    for (const layer of pane.layers) stage.add(layer);
+    stage.on('camera', () => this.link(pane));
+    scene.on('selected', () => {
+      if (this.linking) return;
+      this.linking = true;
+      for (const other of this.panes) if (other !== pane) other.scene.select(scene.selected, false);
+      this.linking = false;
+      this.tell('selected');
+    });
+    this.panes.push(pane);
+    this.apply(pane);
+    this.complete(pane);
+  }
+
+  /** Adds what takes the server a walk through the whole recording: contacts, arrivals, the work of a fleet. */
+  async complete(pane) {
+    try {
+      const { fleet, ...rest } = new Recording(await api.meta(pane.id));
+      Object.assign(pane.recording, rest);
+    } catch (error) {
+      this.app.store.refuse(error);
+      return;
+    }
+    if (!this.panes.includes(pane)) return;
+    this.apply(pane);
+    this.drawMarks();
+    this.tell('complete');
+  }
+
+  /** The plan of a job was judged anew. */
+  judged(job) {
+    const pane = this.panes.find(({ id }) => id === job.id), verdict = pane && verdictOf(job);
+    if (!verdict) return;
+    pane.violations = verdict.violations;
+    pane.title.textContent = this.titleOf(job.id, verdict);
+    pane.stage.invalidate();
+    this.drawMarks();
+  }
+
+  titleOf(id, verdict) {
+    return this.nameOf(id) + (verdict ? verdict.valid ? ', ✓ valid' : ', ✕ invalid' : '');
+  }
+
+  /** All show the same part of the world, where their worlds are the same. */
+  link(pane) {
+    if (this.linking) return;
+    this.linking = true;
+    for (const other of this.panes) {
+      if (other === pane || other.recording.bounds.some((value, at) => value !== pane.recording.bounds[at])) continue;
+      other.stage.look({ ...pane.stage.camera });
+    }
+    this.linking = false;
+    this.app.moved();
+  }
+
+  close(tell = true) {
+    this.clock.play(false);
+    for (const pane of this.panes) {
+      pane.surveying?.abort();
+      pane.scene.end();
+      pane.stage.end();
+      pane.node.remove();
+    }
+    this.panes = [];
+    if (!tell) return;
+    this.layout();
+    this.tell('shown');
+  }
+
+  /** Shows the panes, or the document. */
+  layout() {
+    const on = this.open && this.app.current === 'watch';
+    $('stages').dataset.panes = on ? this.panes.length : 1;
+    $('pane-edit').hidden = on;
+    for (const { node } of this.panes) node.hidden = !on;
+    $('transport').hidden = !on;
+    $('stages').closest('main').toggleAttribute('data-watching', on);
+    if (on) for (const { stage } of this.panes) stage.resize();
+    this.drawMarks();
+  }
+
+  get stage() { return this.panes[0]?.stage ?? null; }
+
+  overlay(name, on) {
+    this.show_[name] = on;
+    for (const pane of this.panes) this.apply(pane);
+    this.tell('overlays');
+  }
+
+  color(by) {
+    this.coloring = by;
+    for (const { scene } of this.panes) scene.color(by);
+    this.tell('overlays');
+  }
+
+  /** What can be coloured by: waiting needs the whole recording in memory. */
+  get colorings() { return ['agent', 'kind', 'state', ...this.panes[0]?.motion.waited ? ['delay'] : []]; }
+
+  apply(pane) {
+    for (const [name] of OVERLAYS) {
+      const own = pane.layers.find((layer) => layer.name === name);
+      if (own) own.visible = this.show_[name];
+      else if (name !== 'paths') pane.scene.show(name, this.show_[name]);
+    }
+    pane.scene.color(this.coloring);
+    if (this.show_.paths || this.show_.usage || this.show_.waiting || this.wantsTimelines) this.look(pane);
+    pane.stage.invalidate('ground');
+  }
+
+  /** Walks through the recording once, for what needs all of it. */
+  async look(pane) {
+    if (pane.survey || pane.surveying) return;
+    pane.surveying = new AbortController();
+    try {
+      pane.survey = await survey(pane.recording, pane.load, pane.motion.window_s, {
+        signal: pane.surveying.signal, progress: (share) => { pane.share = share; this.tell('progress'); },
+      });
+    } catch (error) {
+      this.app.store.refuse(error);
+    }
+    pane.surveying = null;
+    pane.stage.invalidate('ground');
+    this.tell('surveyed');
+  }
+
+  /** Selects a robot by its number, in all panes; -1 is none. The first pane follows it, or not. */
+  select(number, follow = true) {
+    this.panes.forEach(({ scene, recording }, at) => scene.select(number < 0 ? -1 : recording.agent(number), follow && at === 0));
+  }
+
+  /** The moment of a violation of a job, and its place. */
+  async jump(id, violation) {
+    if (!this.ids.includes(id) && !await this.show([id])) return;
+    this.app.tab('watch');
+    const pane = this.panes.find((pane) => pane.id === id), { recording, stage, scene } = pane;
+    this.clock.play(false);
+    this.clock.seek(violation.time_s);
+    const ends = violation.agents.map((agent) => recording.agent(agent)).filter((i) => i >= 0);
+    if (ends.length) scene.select(ends[0], false);
+    pane.aim = ends;
+    this.aim(pane);
+    say(`${violation.rule.replaceAll('-', ' ')} at ${violation.time_s.toFixed(2)} s${violation.agents.length ? `, robots ${violation.agents.join(' and ')}` : ''}`);
+    stage.invalidate();
+  }
+
+  /** Looks at those that a violation is of, once it is known where they are. */
+  aim(pane) {
+    const { scene, stage, recording, aim } = pane;
+    if (!aim?.length) return;
+    if (!pane.motion.place(scene.now, recording.fleet.X, recording.fleet.Y, recording.fleet.H)) {
+      pane.motion.keep(scene.now);
+      setTimeout(() => this.aim(pane), 50);
+      return;
+    }
+    const mean = (values) => aim.reduce((sum, i) => sum + values[i], 0) / aim.length;
+    stage.look({ x: mean(recording.fleet.X), y: mean(recording.fleet.Y), scale: Math.max(stage.camera.scale, 14 / recording.fleet.largest) });
+    pane.aim = null;
+  }
+
+  /** All moments worth a look, ascending: contacts and violations. */
+  get moments() {
+    const all = this.panes.flatMap(({ id, recording, violations }) => [
+      ...recording.contacts.map((contact) => ({ time_s: contact.from, jump: () => this.panes.find((pane) => pane.id === id)?.scene.point(contact) })),
+      ...violations.map((violation) => ({ time_s: violation.time_s, jump: () => this.jump(id, violation) })),
+    ]);
+    return all.sort((a, b) => a.time_s - b.time_s);
+  }
+
+  nextMoment(step) {
+    const now = this.clock.now, all = this.moments;
+    const found = step > 0 ? all.find(({ time_s }) => time_s > now + 1e-6) : all.findLast(({ time_s }) => time_s < now - 1e-6);
+    if (found) found.jump();
+    else say(step > 0 ? 'nothing comes after' : 'nothing comes before');
+  }
+
+  // ---- The transport ---------------------------------------------------------------------
+
+  buildTransport() {
+    const { clock } = this;
+    this.seek = h('input', { type: 'range', id: 'seek', min: 0, step: 'any', value: 0, 'aria-label': 'Time', oninput: () => clock.seek(Number(this.seek.value)) });
+    this.speed = select(SPEEDS.map((value) => [value, `${value}×`]), 1, (value) => clock.setSpeed(Number(value)), { 'aria-label': 'Speed', title: 'Speed ([ and ])' });
+    this.playButton = iconButton('play', 'Play', () => clock.play(!clock.playing), { id: 'play', title: 'Play or pause (Space)' });
+    this.time = h('output', { id: 'clock', for: 'seek' });
+    $('transport').append(this.playButton,
+      iconButton('earlier', 'Contact or violation before', () => this.nextMoment(-1), { title: 'Contact or violation before (P)' }),
+      iconButton('later', 'Next contact or violation', () => this.nextMoment(1), { title: 'Next contact or violation (N)' }),
+      h('div', { id: 'seek-box' }, h('canvas', { id: 'marks', 'aria-hidden': 'true' }), this.seek), this.time, this.speed);
+  }
+
+  tellTime() {
+    const { now, end } = this.clock, digits = end < 10 ? 2 : 1;
+    this.time.textContent = `${now.toFixed(digits)} / ${end.toFixed(digits)} s`;
+    this.seek.value = now;
+    this.seek.setAttribute('aria-valuetext', `${now.toFixed(digits)} of ${end.toFixed(digits)} seconds`);
+    this.tell('time');
+  }
+
+  tellPlay() {
+    const { playing } = this.clock;
+    this.playButton.setAttribute('aria-label', playing ? 'Pause' : 'Play');
+    this.playButton.replaceChildren(icon(playing ? 'pause' : 'play'));
+    this.app.moved();
+  }
+
+  drawMarks() {
+    const canvas = $('marks');
+    if (!canvas || $('transport').hidden) return;
+    const dpr = Math.min(devicePixelRatio || 1, 3), w = canvas.clientWidth, high = canvas.clientHeight, { end } = this.clock;
+    Object.assign(canvas, { width: Math.round(w * dpr), height: Math.round(high * dpr) });
+    const pen = canvas.getContext('2d');
+    pen.scale(dpr, dpr);
+    pen.fillStyle = theme.contact;
+    let last = -1;
+    for (const { time_s } of this.moments) {
+      const x = Math.round(8 + (end ? time_s / end : 0) * (w - 16));
+      if (x !== last) pen.fillRect(x - 1, 0, 2, 8);
+      last = x;
+    }
+  }
+}
+
+// ---- Layers -----------------------------------------------------------------------------------
+
+function pathsLayer(pane) {
+  let made = null;
+  return {
+    name: 'paths', plane: 'ground', visible: false,
+    draw(pen, stage) {
+      if (!pane.survey) return;
+      made ??= AGENTS.map((_, color) => {
+        const path = new Path2D();
+        pane.survey.paths.forEach((places, i) => {
+          if (i % AGENTS.length !== color) return;
+          for (let at = 0; at + 1 < places.length; at += 2) path[at ? 'lineTo' : 'moveTo'](places[at], places[at + 1]);
+        });
+        return path;
+      });
+      pen.save();
+      pen.lineJoin = pen.lineCap = 'round';
+      pen.lineWidth = Math.max(0.2 * pane.recording.fleet.largest, 1 / stage.camera.scale);
+      pen.globalAlpha = Math.min(0.6, Math.max(0.25, 60 / pane.recording.count));
+      made.forEach((path, color) => {
+        pen.strokeStyle = AGENTS[color];
+        pen.stroke(path);
+      });
+      pen.restore();
+    },
+  };
+}
+
+/** Seconds that robots drove or stood in each cell, from little to much. */
+function heatLayer(pane, name) {
+  let cells = null;
+  return {
+    name, plane: 'ground', visible: false,
+    draw(pen, stage) {
+      if (!pane.survey) return;
+      const { rows, cols, side, origin } = pane.survey;
+      if (!cells) {
+        cells = new Cells({ name, rows, cols, side, colors: () => [null, ...HEAT], opacity: 0.8 });
+        cells.scale(pane.survey[name], HEAT.length, { shape: Math.sqrt });
+      }
+      pen.save();
+      pen.translate(origin[0], origin[1]);
+      cells.draw(pen, stage);
+      pen.restore();
+    },
+  };
+}
+
+/** Who is where in the window of time that begins now: cells, dark first, or outlines in the plane. */
+function reservations(watch, pane) {
+  const places = [0, 1, 2].map(() => new Float64Array(pane.recording.fleet.bodies));
+  return {
+    name: 'reservations', visible: false,
+    draw(pen, stage) {
+      const { fleet, meta } = pane.recording, { motion, scene } = pane, { scale } = stage.camera;
+      const steps = 12, span = watch.window_s / steps, side = meta.cells?.side ?? null;
+      let left = RESERVED;
+      const taken = new Set();
+      for (let step = 1; step <= steps && left > 0; step++) {
+        if (!motion.place(scene.now + step * span, ...places)) break;
+        pen.globalAlpha = 0.62 - 0.5 * step / steps;
+        for (const i of scene.seen) {
+          if (left-- <= 0) break;
+          pen.fillStyle = AGENTS[i % AGENTS.length];
+          if (side) {
+            const col = Math.floor(places[0][i] / side), row = Math.floor(places[1][i] / side), key = (row * 65536 + col) * 8 + i % AGENTS.length;
+            if (taken.has(key)) continue;
+            taken.add(key);
+            pen.fillRect(stage.toX(col * side) + 1, stage.toY((row + 1) * side) + 1, side * scale - 2, side * scale - 2);
+          } else {
+            pen.beginPath();
+            const outline = fleet.outlines[fleet.kinds[i]];
+            const pairs = outline.v ? { v: Array.from({ length: outline.v.length / 2 }, (_, at) => [outline.v[2 * at], outline.v[2 * at + 1]]) } : outline;
+            traceOutline(pen, stage, pairs, places[0][i], places[1][i], places[2][i]);
+            pen.fill();
+          }
+        }
+      }
+      pen.globalAlpha = 1;
+      // The overlay looked ahead; the picture is of now.
+      motion.place(scene.now, fleet.X, fleet.Y, fleet.H);
+    },
+  };
+}
+
+/** A cross over those of a violation around its moment. */
+function violations(pane) {
+  return {
+    name: 'violations', plane: 'over',
+    draw(pen, stage, now) {
+      const { X, Y } = pane.recording.fleet;
+      for (const { agents, time_s } of pane.violations) {
+        if (Math.abs(time_s - now) > AROUND_S) continue;
+        const ends = agents.map((agent) => pane.recording.agent(agent)).filter((i) => i >= 0);
+        if (!ends.length) continue;
+        const x = stage.toX(ends.reduce((sum, i) => sum + X[i], 0) / ends.length), y = stage.toY(ends.reduce((sum, i) => sum + Y[i], 0) / ends.length);
+        for (const [color, wide] of [[theme.halo, 6], [theme.problem, 3]]) {
+          pen.beginPath();
+          pen.rect(x - 13, y - 13, 26, 26);
+          pen.moveTo(x - 6, y - 6);
+          pen.lineTo(x + 6, y + 6);
+          pen.moveTo(x - 6, y + 6);
+          pen.lineTo(x + 6, y - 6);
+          pen.strokeStyle = color;
+          pen.lineWidth = wide;
+          pen.stroke();
+        }
+      }
+    },
+  };
+}

@@ -1,0 +1,447 @@
+//! The page of the studio in a real browser, worked as a person does: the tour of `docs/studio.md`, then the
+//! same with keys alone.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+
+use fleetyard_testkit::browser::chromium;
+use fleetyard_testkit::devtools::Page;
+use fleetyard_testkit::{Started, Yard, root};
+use serde_json::Value;
+
+/// A studio with a page, both of which end with this.
+struct Studio {
+    page: Page,
+    command: Started,
+    _yard: Yard,
+}
+
+impl Drop for Studio {
+    fn drop(&mut self) {
+        for process in self.command.processes() {
+            process.signal("TERM");
+        }
+        let _ = self.command.child.wait();
+    }
+}
+
+impl Studio {
+    /// None where there is no browser, which is said.
+    fn open(files: &[PathBuf], size: [u32; 2]) -> Option<Self> {
+        let Some(browser) = chromium() else {
+            eprintln!("skipped: there is no Chromium");
+            return None;
+        };
+        let yard = Yard::new();
+        let mut arguments = vec!["studio".to_owned(), "--no-open".to_owned()];
+        arguments.extend(files.iter().map(|file| file.display().to_string()));
+        let mut command = yard.start(&arguments);
+        let mut stdout = BufReader::new(command.child.stdout.take().unwrap());
+        let mut address = String::new();
+        stdout.read_line(&mut address).unwrap();
+        let page = Page::open(browser, &yard.path("."), address.trim(), size);
+        let mut studio = Self {
+            page,
+            command,
+            _yard: yard,
+        };
+        studio.ready();
+        Some(studio)
+    }
+
+    fn ready(&mut self) {
+        self.page.until("document.documentElement.dataset.ready");
+    }
+
+    /// A point of the world in the window.
+    fn at(&mut self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let script = format!(
+            "(() => {{ const box = studio.stage.scene.getBoundingClientRect(); \
+             return [box.left + studio.stage.toX({x}), box.top + studio.stage.toY({y})]; }})()"
+        );
+        let at = self.page.eval(&script);
+        [0, 1].map(|axis| at[axis].as_f64().unwrap())
+    }
+
+    fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        let (from, to) = (self.at(from), self.at(to));
+        self.page.drag(from, to);
+    }
+
+    /// Waits until the server has all edits.
+    fn settled(&mut self) {
+        self.page
+            .until("studio.store.pending.length === 0 && !studio.store.busy");
+        let refusal = self.page.eval("studio.store.refusal?.message ?? null");
+        assert!(refusal.is_null(), "{refusal}");
+    }
+
+    fn document(&mut self) -> Value {
+        self.settled();
+        self.page.eval("studio.store.document")
+    }
+
+    fn digest(&mut self) -> Value {
+        self.settled();
+        self.page.eval("studio.store.digest")
+    }
+
+    /// Opens a file with the button, and waits for what is then there.
+    fn choose(&mut self, files: &[PathBuf], there: &str) {
+        self.page.choose("#file", files);
+        self.page.until(there);
+        self.settled();
+    }
+
+    /// Everything that can have the focus says what it is.
+    fn is_named(&mut self, place: &str) {
+        let found = self.page.focusable();
+        assert!(found.len() > 10, "{place}: {found:?}");
+        let unnamed: Vec<_> = found
+            .iter()
+            .filter(|(_, name)| name.trim().is_empty())
+            .collect();
+        assert!(unnamed.is_empty(), "{place}: {unnamed:?} of {found:?}");
+    }
+
+    fn has_no_errors(&self) {
+        assert!(self.page.errors.is_empty(), "{:?}", self.page.errors);
+    }
+}
+
+/// Six robots, three on each side of a door.
+const ROBOTS: [[[f64; 2]; 2]; 6] = [
+    [[1.25, 1.25], [8.75, 1.25]],
+    [[1.25, 2.75], [8.75, 2.75]],
+    [[1.25, 4.75], [8.75, 4.75]],
+    [[7.75, 1.25], [2.25, 1.25]],
+    [[7.75, 2.75], [2.25, 2.75]],
+    [[7.75, 4.75], [2.25, 4.75]],
+];
+
+#[test]
+fn the_tour_goes_from_an_empty_room_to_a_violation_and_back() {
+    let Some(mut studio) = Studio::open(&[], [1280, 800]) else {
+        return;
+    };
+    // 1. Two walls leave a door.
+    studio.page.key("r");
+    studio.drag([4.8, 0.0], [5.2, 2.0]);
+    studio.drag([4.8, 4.0], [5.2, 6.0]);
+    assert_eq!(
+        studio.document()["ground"]["world"]["obstacles"]
+            .as_array()
+            .unwrap()
+            .len(),
+        2
+    );
+
+    // 2. Six robots; a seventh is taken back.
+    studio.page.key("a");
+    studio.page.eval("studio.settings.lattice = 0.25");
+    for [start, goal] in ROBOTS {
+        studio.drag(start, goal);
+    }
+    let six = studio.digest();
+    studio.drag([1.25, 3.75], [8.75, 3.75]);
+    assert_eq!(studio.document()["agents"].as_array().unwrap().len(), 7);
+    studio.page.key("Ctrl+z");
+    assert_eq!(studio.digest(), six);
+    studio.page.key("Ctrl+Shift+z");
+    assert_ne!(studio.digest(), six);
+    studio.page.key("Ctrl+z");
+    let document = studio.document();
+    assert_eq!(
+        document["agents"][0]["start"],
+        serde_json::json!([1.25, 1.25])
+    );
+    assert_eq!(studio.page.eval("studio.store.problems.length"), 0);
+
+    // 3. Views.
+    studio.page.keys(&["1", "v"]);
+    for (key, layer) in [
+        ("Shift+G", "grid"),
+        ("Shift+R", "roadmap"),
+        ("Shift+C", "clearance"),
+    ] {
+        studio.page.key(key);
+        studio
+            .page
+            .until(&format!("studio.layers.all.{layer}.data"));
+    }
+    studio.is_named("the world");
+
+    // 4. Two planners side by side.
+    studio.page.key("3");
+    studio
+        .page
+        .until("document.querySelector('#run') && !document.querySelector('#run').disabled");
+    studio.page.eval(
+        "(() => { while (document.querySelector('[data-key=without-0]')) document.querySelector('[data-key=without-0]').click(); \
+         for (const id of ['lacam', 'plane-pp']) { const list = document.querySelector('[data-key=add-planner]'); list.value = id; list.dispatchEvent(new Event('change')); } \
+         const budget = document.querySelector('[data-key=budget]'); budget.value = 1; budget.dispatchEvent(new Event('change')); })()",
+    );
+    studio.is_named("the planners");
+    studio.page.click("#run");
+    studio.page.until("studio.jobs.list.length === 2 && studio.jobs.list.every((job) => job.state === 'done' && job.record && studio.watch.canShow(job))");
+    // On a grid robots follow each other round corners, nearer than their footprints allow.
+    studio
+        .page
+        .until("document.querySelectorAll('.job .state.valid, .job .state.invalid').length === 2");
+    let valid = studio
+        .page
+        .eval("studio.jobs.list.find((job) => job.planner === 'plane-pp').verdict.valid");
+    assert_eq!(valid, true);
+    let command = studio
+        .page
+        .eval("document.querySelector('.job .command code').textContent");
+    assert!(
+        command
+            .as_str()
+            .unwrap()
+            .starts_with("fleetyard run --task "),
+        "{command}"
+    );
+
+    // 5. Watched on one clock.
+    studio
+        .page
+        .eval("document.querySelector('.job .primary').scrollIntoView()");
+    studio.page.click(".job .primary");
+    studio.page.until(
+        "studio.watch.panes.length === 2 && studio.watch.panes.every(({ scene }) => scene.known)",
+    );
+    studio.page.click("#play");
+    studio.page.until("studio.watch.clock.now > 0.5");
+    studio.page.key("Space");
+    let moved = studio.page.eval("studio.watch.panes.map(({ recording }) => Math.hypot(recording.fleet.X[0] - 1.25, recording.fleet.Y[0] - 1.25))");
+    assert!(
+        moved[0].as_f64().unwrap() > 0.1 && moved[1].as_f64().unwrap() > 0.1,
+        "{moved}"
+    );
+    studio.is_named("the recordings");
+
+    // 6. A wall in the door: the plans are judged against it, and a violation leads to its moment.
+    studio.page.keys(&["1", "r"]);
+    studio.drag([4.8, 2.0], [5.2, 4.0]);
+    studio.settled();
+    studio.page.key("3");
+    studio
+        .page
+        .until("document.querySelector('.job .violations button')");
+    studio.page.click(".job .violations button");
+    studio.page.until(
+        "studio.current === 'watch' && studio.watch.clock.now > 0 && !studio.watch.clock.playing",
+    );
+    let time = studio.page.eval("studio.watch.clock.now").as_f64().unwrap();
+
+    // 7. The link leads there again.
+    studio.page.until("location.hash.includes('t=')");
+    studio.page.until(&format!(
+        "Math.abs(Number(new URLSearchParams(location.hash.slice(1)).get('t')) - {time}) < 0.01"
+    ));
+    let before = studio.page.eval("[studio.current, studio.watch.ids, [...document.querySelectorAll('#tabs [aria-selected=true]')].map((tab) => tab.textContent)]");
+    studio.page.reload();
+    studio.ready();
+    studio.page.until(
+        "studio.watch.panes.length > 0 && studio.watch.panes.every(({ scene }) => scene.known)",
+    );
+    let after = studio.page.eval("[studio.current, studio.watch.ids, [...document.querySelectorAll('#tabs [aria-selected=true]')].map((tab) => tab.textContent)]");
+    assert_eq!(before, after);
+    let again = studio.page.eval("studio.watch.clock.now").as_f64().unwrap();
+    assert!((again - time).abs() < 0.01, "{again}, not {time}");
+
+    // 8. Out and in again: the same problem.
+    studio.page.key("Ctrl+z");
+    assert_eq!(studio.digest(), six);
+    studio.page.click("#export");
+    studio.page.until("document.querySelector('.menu button')");
+    studio.page.eval("[...document.querySelectorAll('.menu button')].find((item) => item.textContent.startsWith('Export task')).click()");
+    let world = studio.page.download(|name| name.ends_with(".world.json"));
+    let task = studio.page.download(|name| name.ends_with(".task.json"));
+    let hall = root().join("maps/hall.world.json");
+    studio.choose(&[hall], "studio.store.agents.length === 0");
+    assert_ne!(studio.digest(), six);
+    studio.choose(&[task, world], "studio.store.agents.length === 6");
+    assert_eq!(studio.digest(), six);
+    studio.has_no_errors();
+}
+
+#[test]
+fn everything_can_be_done_with_keys() {
+    let Some(mut studio) = Studio::open(&[], [390, 844]) else {
+        return;
+    };
+    let page = &mut studio.page;
+    // A wall: the cross goes from the middle of the room, Enter is a click.
+    page.keys(&[
+        "r",
+        "Shift+ArrowDown",
+        "ArrowDown",
+        "Enter",
+        "ArrowRight",
+        "ArrowRight",
+        "Shift+ArrowUp",
+        "Enter",
+    ]);
+    // A robot on each side of it.
+    page.keys(&[
+        "a",
+        "Shift+ArrowLeft",
+        "Enter",
+        "Shift+ArrowRight",
+        "Shift+ArrowRight",
+        "Enter",
+    ]);
+    let document = studio.document();
+    assert_eq!(
+        document["ground"]["world"]["obstacles"]
+            .as_array()
+            .unwrap()
+            .len(),
+        1
+    );
+    assert_eq!(document["agents"].as_array().unwrap().len(), 1);
+    let start = document["agents"][0]["start"].clone();
+
+    // What is selected moves, is copied and goes.
+    let page = &mut studio.page;
+    page.keys(&["Escape", "ArrowUp", "ArrowUp"]);
+    let moved = studio.document()["agents"][0]["start"].clone();
+    let up = moved[1].as_f64().unwrap() - start[1].as_f64().unwrap();
+    assert!(moved[0] == start[0] && up > 0.1, "{start} to {moved}");
+    studio.page.key("Ctrl+d");
+    assert_eq!(studio.document()["agents"].as_array().unwrap().len(), 2);
+    studio.page.until("studio.selection.has('s1')");
+    studio.page.key("Delete");
+    assert_eq!(studio.document()["agents"].as_array().unwrap().len(), 1);
+
+    // The palette, the sheet of keys, and the panels.
+    let page = &mut studio.page;
+    page.key("Ctrl+k");
+    page.write("layer grid");
+    page.key("Enter");
+    page.until("studio.layers.all.grid.visible && !document.querySelector('dialog[open]')");
+    page.key("?");
+    page.until("document.querySelector('#sheet').open");
+    page.key("Escape");
+    page.until("!document.querySelector('dialog[open]')");
+    page.key("2");
+    page.until("document.activeElement.id === 'to-robots'");
+    page.key("ArrowRight");
+    page.until("studio.current === 'plan' && document.activeElement.id === 'to-plan'");
+    page.until("document.querySelector('#run') && !document.querySelector('#run').disabled");
+    studio.is_named("the planners, on a narrow window");
+    let page = &mut studio.page;
+    page.key("Ctrl+Enter");
+    page.until("studio.jobs.list.some((job) => job.state === 'done' && studio.watch.canShow(job))");
+    page.eval("document.querySelector('.job .primary').focus()");
+    page.key("Enter");
+    page.until("studio.watch.open && studio.watch.panes[0].scene.known");
+    page.key("Escape");
+    page.keys(&["End"]);
+    page.until("studio.watch.clock.now === studio.watch.clock.end && studio.watch.clock.end > 0");
+
+    // Nothing is wider than the window.
+    let wide = page.eval("document.documentElement.scrollWidth");
+    assert!(wide.as_f64().unwrap() <= 390.0, "{wide}");
+    studio.has_no_errors();
+}
+
+#[test]
+fn what_the_server_refuses_is_said_and_taken_back() {
+    let maze = root().join("maps/two-rooms.task.json");
+    let Some(mut studio) = Studio::open(&[maze], [1280, 800]) else {
+        return;
+    };
+    let before = studio.document();
+    let refused = studio.page.eval(
+        "studio.store.edit({ op: 'set-agents', indices: [0], agents: [{ robot: 'cart', start: [-5, 1], goal: [9, 5] }] })",
+    );
+    assert_eq!(refused, false);
+    studio
+        .page
+        .until("!document.querySelector('#refusal').hidden");
+    let said = studio
+        .page
+        .eval("document.querySelector('#refusal').textContent");
+    assert!(said.as_str().unwrap().contains("/agents/0/start"), "{said}");
+    assert_eq!(studio.page.eval("studio.store.document"), before);
+
+    // A robot in a wall is no such edit: it is marked, and nothing is planned for.
+    studio.page.eval("studio.store.edit({ op: 'set-agents', indices: [0], agents: [{ robot: 'cart', start: [5, 1], goal: [9, 5] }] })");
+    studio.page.until("studio.store.problems.length > 0 && document.querySelector('#problems').className === 'some'");
+    studio.page.key("3");
+    studio
+        .page
+        .until("document.querySelector('#run')?.disabled");
+    studio.page.click("#problems");
+    studio
+        .page
+        .until("document.querySelector('#problem-list button')");
+    studio.page.click("#problem-list button");
+    studio.page.until("studio.selection.has('s0')");
+    studio.has_no_errors();
+}
+
+/// The pictures of `docs/studio.md`, made anew with `FLEETYARD_UPDATE=1`.
+#[test]
+fn pictures_of_the_page_are_made_by_a_command() {
+    if std::env::var_os("FLEETYARD_UPDATE").is_none() {
+        return;
+    }
+    let task = root().join("maps/two-rooms.task.json");
+    let Some(mut studio) = Studio::open(&[task], [1180, 720]) else {
+        return;
+    };
+    let shoot = |studio: &mut Studio, name: &str| {
+        // Fonts and canvases come to rest.
+        studio
+            .page
+            .eval("new Promise((done) => setTimeout(done, 400))");
+        let png = decoded(&studio.page.picture());
+        fs::write(root().join("docs/images").join(name), png).unwrap();
+    };
+    studio.page.key("Shift+C");
+    studio.page.until("studio.layers.all.clearance.data");
+    studio.page.eval("studio.selection.set(['o3'])");
+    shoot(&mut studio, "studio.png");
+    studio.page.eval("studio.selection.set([])");
+    studio.page.key("3");
+    studio
+        .page
+        .until("document.querySelector('#run') && !document.querySelector('#run').disabled");
+    studio.page.eval(
+        "(() => { while (document.querySelector('[data-key=without-0]')) document.querySelector('[data-key=without-0]').click(); \
+         for (const id of ['lacam', 'plane-pp']) { const list = document.querySelector('[data-key=add-planner]'); list.value = id; list.dispatchEvent(new Event('change')); } })()",
+    );
+    studio.page.click("#run");
+    studio.page.until("studio.jobs.list.length === 2 && studio.jobs.list.every((job) => job.state === 'done' && job.record && studio.watch.canShow(job))");
+    studio.page.click(".job .primary");
+    studio.page.until(
+        "studio.watch.panes.length === 2 && studio.watch.panes.every(({ scene }) => scene.known)",
+    );
+    studio.page.eval("(studio.watch.clock.seek(4), studio.watch.overlay('goals', true), studio.watch.overlay('reservations', true))");
+    shoot(&mut studio, "studio-watch.png");
+}
+
+/// Bytes of base64, as browsers write it.
+fn decoded(text: &str) -> Vec<u8> {
+    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut count) = (0u32, 0);
+    for letter in text.bytes() {
+        let Some(value) = LETTERS.iter().position(|known| *known == letter) else {
+            continue;
+        };
+        bits = bits << 6 | value as u32;
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+            bits &= (1 << count) - 1;
+        }
+    }
+    bytes
+}
