@@ -9,7 +9,6 @@ use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::{get, post};
 use fleetyard_core::read_file;
-use fleetyard_sim::motion::PRESETS;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -44,7 +43,6 @@ pub(super) fn routes() -> Router<Arc<Studio>> {
         .route("/api/grid", get(grid))
         .route("/api/roadmap", get(roadmap))
         .route("/api/clearance", get(clearance))
-        .route("/api/presets", get(presets))
 }
 
 async fn document(State(studio): Shared) -> Result<Json<Value>> {
@@ -246,17 +244,4 @@ impl Studio {
         self.feed.changed(now.version);
         self.desk.tell(now)
     }
-}
-
-/// Robots and models by name, for those who describe kinds of robots.
-async fn presets() -> Json<Value> {
-    let presets = PRESETS.iter().map(|preset| {
-        json!({
-            "name": preset.name,
-            "about": preset.about,
-            "footprint": preset.footprint.map(|footprint| footprint()),
-            "model": (preset.model)(),
-        })
-    });
-    Json(presets.collect())
 }
