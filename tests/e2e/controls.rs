@@ -96,6 +96,67 @@ fn controls_alone_are_planned_judged_and_executed() {
     assert!(text.contains("wrong-goal: agent 1 ends with"), "{text}");
 }
 
+/// A car with a trailer and a car, from the task to the trace.
+#[test]
+fn a_truck_and_a_car_share_a_yard() {
+    let yard = Yard::new();
+    for file in ["yard.world.json", "yard.task.json"] {
+        yard.write(file, std::fs::read(root().join("maps").join(file)).unwrap());
+    }
+    let run = "run --task yard.task.json -p db-cbs --nodes 30000 --budget 60s --format json \
+               --plan-out plan.json --execute --picture plan.svg";
+    let record = yard.line(run).expect(SUCCESS).json();
+    assert_eq!(record["verdict"]["valid"], true, "{record}");
+    let execution = &record["execution"];
+    assert_eq!(
+        (&execution["agents"], &execution["contacts"]),
+        (&json!(2), &json!(0)),
+        "{record}"
+    );
+    let again = yard.line(run).expect(SUCCESS).json();
+    assert_eq!(again["plan_digest"], record["plan_digest"]);
+    assert_eq!(
+        again["execution"]["trace_digest"],
+        execution["trace_digest"]
+    );
+    for line in [
+        "validate --task yard.task.json plan.json",
+        "simulate --task yard.task.json plan.json --fail-on contacts --until-done --trace yard.trace",
+    ] {
+        yard.line(line).expect(SUCCESS);
+    }
+    // The trailer is the last body.
+    let info = yard.line("trace info yard.trace").expect(SUCCESS).stdout;
+    assert!(info.contains("trailer 2, towed"), "{info}");
+    let refused = yard
+        .line("simulate --task yard.task.json plan.json --policy adg")
+        .expect(INPUT);
+    assert!(refused.stderr.contains("agent 0 is a car"), "{refused}");
+    let task = read(&yard, "yard.task.json");
+    let with = |place: &str, numbers: Value| {
+        let mut task = task.clone();
+        task["agents"][0][place] = numbers;
+        yard.write("other.task.json", task.to_string());
+        yard.line("validate --task other.task.json plan.json")
+    };
+    let ended = with("start", json!([0.9, 0.7, 0.0, 1.0])).expect(INPUT);
+    assert!(
+        ended
+            .stderr
+            .contains("bends the joint to its trailer by 1.0000 rad"),
+        "{ended}"
+    );
+    let ended = with("goal", json!([5.2, 0.7, 0.0, 0.5])).expect(INVALID_PLAN);
+    assert!(
+        ended
+            .stdout
+            .contains("the trailer of agent 0 ends turned by"),
+        "{ended}"
+    );
+    let ended = with("start", json!([0.5, 0.7, 0.0, 0.0])).expect(INPUT);
+    assert!(ended.stderr.contains("has its trailer"), "{ended}");
+}
+
 #[test]
 fn files_with_odd_controls_are_refused() {
     let yard = yard(PUCK, r#"{"start": [1, 1], "goal": [1, 1]}"#);

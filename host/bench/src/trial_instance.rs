@@ -301,10 +301,12 @@ impl TrialInstance<'_> {
                     return Ok(None);
                 };
                 let headings = problem.start_headings();
+                let trailers = problem.trailer_headings();
                 let mut simulator = Simulator::new(config)
                     .in_workspace(&problem.world)
                     .with_fleet(&problem.fleet)
-                    .facing(&headings);
+                    .facing(&headings)
+                    .towing(&trailers);
                 if let View::Roadmap(view) = view {
                     simulator = simulator.over_roadmap(&view.roadmap);
                 }

@@ -15,6 +15,7 @@ use fleetyard_world::{Demand, Dynamics, Excess, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::controls::{self, ControlTask};
+use crate::trailers::{self, TrailerTask};
 use crate::verdict::{keep_first, other_counts};
 
 /// The data that a plan in continuous space is judged by.
@@ -33,6 +34,8 @@ pub struct ContinuousTask<'a> {
     /// The data that controls are judged by, if they are given. Agents with controls are held to the
     /// limits there.
     pub controls: Option<ControlTask<'a>>,
+    /// The trailer of every agent that tows one; empty where none does.
+    pub trailers: &'a [Option<TrailerTask<'a>>],
     /// Deviations that are no violation.
     pub tolerance: Tolerance,
 }
@@ -47,6 +50,7 @@ impl<'a> ContinuousTask<'a> {
             goals: None,
             limits: None,
             controls: None,
+            trailers: &[],
             tolerance: Tolerance::default(),
         }
     }
@@ -111,6 +115,8 @@ pub enum ContinuousRule {
     TooSudden,
     /// An agent changes its turn rate faster than it can.
     TurnsTooSuddenly,
+    /// A car bends the joint to its trailer more than it can.
+    JointLimit,
     /// An agent leaves the states that it may be in.
     OutOfLimits,
     /// The controls of an agent do not lead to its knots.
@@ -136,6 +142,7 @@ words!(ContinuousRule {
     TurnsTooFast = "turns-too-fast";
     TooSudden = "too-sudden";
     TurnsTooSuddenly = "turns-too-suddenly";
+    JointLimit = "joint-limit";
     OutOfLimits = "out-of-limits";
     OffControls = "off-controls";
     WrongControls = "wrong-controls";
@@ -217,33 +224,38 @@ pub fn validate_trajectories(
     check_places(plan, task, &mut violations);
     check_dynamics(plan, task, &mut violations);
     controls::check(plan, task, &mut violations);
+    let bodies = trailers::check(plan, task, &mut violations);
+    let slack_m = controls::slack_m(plan, task.shapes).max(bodies.slack_m(plan.agents()));
     let search = ContactSearch {
-        tolerance_m: task.tolerance.overlap_m + controls::slack_m(plan, task.shapes),
+        tolerance_m: task.tolerance.overlap_m + slack_m,
         limit,
         approach_range_m: None,
     };
-    let found = contacts(plan, task.shapes, task.obstacles, &search);
+    let found = contacts(&bodies.trains, &bodies.shapes, task.obstacles, &search);
     violations.extend(found.contacts.iter().map(|contact| {
-        let agent = contact.agent;
+        let agent = bodies.trains.agent_of(contact.agent);
+        let who = || bodies.name(contact.agent);
         let (rule, agents, what) = match contact.other {
             Touched::Agent(other) => {
-                let what = format!("agents {agent} and {other} overlap");
-                (ContinuousRule::AgentContact, vec![agent, other], what)
+                let what = format!("{} overlap", bodies.names(contact.agent, other));
+                let mut both = vec![agent, bodies.trains.agent_of(other)];
+                both.sort_unstable();
+                (ContinuousRule::AgentContact, both, what)
             }
             Touched::Cell(cell) => {
-                let what = format!("agent {agent} overlaps the obstacle in cell {cell}");
+                let what = format!("{} overlaps the obstacle in cell {cell}", who());
                 (ContinuousRule::ObstacleContact, vec![agent], what)
             }
             Touched::Polygon(polygon) => {
-                let what = format!("agent {agent} overlaps obstacle {polygon}");
+                let what = format!("{} overlaps obstacle {polygon}", who());
                 (ContinuousRule::ObstacleContact, vec![agent], what)
             }
             Touched::Mover(mover) => {
-                let what = format!("agent {agent} overlaps moving obstacle {mover}");
+                let what = format!("{} overlaps moving obstacle {mover}", who());
                 (ContinuousRule::MoverContact, vec![agent], what)
             }
             Touched::Outside => {
-                let what = format!("agent {agent} reaches over the bounds");
+                let what = format!("{} reaches over the bounds", who());
                 (ContinuousRule::OutOfBounds, vec![agent], what)
             }
         };
@@ -285,6 +297,10 @@ fn check_counts(
         (
             "models",
             task.controls.map(|controls| controls.models.len()),
+        ),
+        (
+            "trailers",
+            (!task.trailers.is_empty()).then_some(task.trailers.len()),
         ),
     ];
     violations.extend(
@@ -393,6 +409,10 @@ fn beyond(excess: &Excess) -> (ContinuousRule, String) {
         Demand::TurnRate => (
             ContinuousRule::TurnsTooFast,
             format!("turns at {value} rad/s, faster than {limit} rad/s,"),
+        ),
+        Demand::Steering => (
+            ContinuousRule::TurnsTooFast,
+            format!("turns at {value} rad/s, where its steering allows {limit} rad/s,"),
         ),
         Demand::Acceleration => (
             ContinuousRule::TooSudden,

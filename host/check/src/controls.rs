@@ -155,7 +155,7 @@ fn beside(
 }
 
 /// Beyond a millionth it is rounding.
-fn rounded(value: f64) -> f64 {
+pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
 
@@ -178,7 +178,7 @@ fn beyond(agent: usize, excess: &ControlExcess) -> ContinuousViolation {
         ),
         Bounded::Heading => (
             ContinuousRule::OutOfLimits,
-            format!("has a heading of {number} rad, beyond its limit of {limit} rad,"),
+            format!("has a heading{gap}{along} of {number} rad, beyond its limit of {limit} rad,"),
         ),
         Bounded::Speed => (
             ContinuousRule::TooFast,
@@ -191,6 +191,10 @@ fn beyond(agent: usize, excess: &ControlExcess) -> ContinuousViolation {
         Bounded::TurnRate => (
             ContinuousRule::TurnsTooFast,
             format!("turns at {number} rad/s, beyond its limit of {limit} rad/s,"),
+        ),
+        Bounded::Steering => (
+            ContinuousRule::OutOfLimits,
+            format!("steers by {number} rad, beyond its limit of {limit} rad,"),
         ),
         Bounded::Acceleration => (
             ContinuousRule::TooSudden,

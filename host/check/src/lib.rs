@@ -15,6 +15,7 @@ mod controls;
 mod metrics;
 mod path;
 mod roadmap;
+mod trailers;
 mod validate;
 mod verdict;
 
@@ -28,5 +29,6 @@ pub use path::{PathRule, validate_paths};
 pub use roadmap::{
     Pace, RoadmapRule, RoadmapTask, RoadmapVerdict, RoadmapViolation, validate_roadmap,
 };
+pub use trailers::TrailerTask;
 pub use validate::{Terms, validate, validate_terms};
 pub use verdict::{CellPosition, Rule, Verdict, Violation};

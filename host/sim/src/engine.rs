@@ -340,6 +340,7 @@ impl<'a> Engine<'a> {
             chunks: &self.chunks,
             places: &self.places,
             agents: self.setup.agents as u32,
+            cars: self.setup.cars,
             shapes: &self.shapes,
             contacts: self.solved.is_none() || first,
             tolerance_m: config.touch_tolerance_m(),
@@ -477,13 +478,16 @@ impl<'a> Engine<'a> {
         }
         .sealed(header);
         sink.end(&summary)?;
+        // Trailers, which are the last, arrive with their cars.
+        let robots = agents - self.setup.cars.len();
+        let arrivals = arrivals.take(robots);
         let arrived: Vec<f64> = arrivals.filter(|when| when.is_finite()).collect();
-        let all = arrived.len() == agents;
+        let all = arrived.len() == robots;
         let seconds = |substeps: f64| substeps / clock.substeps_per_s;
         Ok(Outcome {
             tier: config.tier,
             policy: self.setup.policy,
-            agents: agents as u32,
+            agents: robots as u32,
             radius_m: self.shapes.largest_radius_m(),
             arrived: arrived.len() as u32,
             makespan_s: all.then(|| seconds(arrived.iter().copied().fold(0.0, f64::max))),

@@ -59,6 +59,10 @@ pub enum SimError {
         "agent {agent} cannot have errors of velocity: its model {model} follows its reference exactly"
     )]
     NoSlip { agent: usize, model: &'static str },
+    #[error("agent {agent} is a car, which does not go with {reason}")]
+    Car { agent: usize, reason: &'static str },
+    #[error("the way of the trailer of agent {agent} is too long to be followed")]
+    LongTow { agent: usize },
     #[error("the corners of the plan cannot be rounded: {0}")]
     Smooth(#[from] TrajectoryError),
     #[error("there is no agent {agent}: there are {agents}")]
@@ -118,6 +122,10 @@ impl SimError {
             Self::NoSlip { .. } => Some(
                 "give robots with a controller, such as holonomic or agv, or leave out the errors",
             ),
+            Self::Car { .. } => Some(
+                "cars follow plans in the plane, with headings, exactly and by time: leave out what disturbs them",
+            ),
+            Self::LongTow { .. } => Some("give shorter legs, or validate the plan first"),
             Self::Smooth(error) => error.hint(),
             Self::TooLarge { .. } => {
                 Some("execute fewer agents, or use a machine with more memory")

@@ -87,6 +87,8 @@ pub(crate) struct Bodies<'a> {
     pub(crate) places: &'a [[f64; 3]],
     /// Number of agents, which come first; the rest are moving obstacles.
     pub(crate) agents: u32,
+    /// The car of each of the last agents, which are trailers.
+    pub(crate) cars: &'a [u32],
     pub(crate) shapes: &'a Shapes,
     /// Set to search contacts; otherwise only approaches.
     pub(crate) contacts: bool,
@@ -117,6 +119,13 @@ impl Shapes {
 }
 
 impl Bodies<'_> {
+    /// True if a body is the trailer of another one.
+    fn tows(&self, car: u32, trailer: u32) -> bool {
+        let first = self.agents - self.cars.len() as u32;
+        let own = trailer.checked_sub(first);
+        own.and_then(|own| self.cars.get(own as usize)) == Some(&car)
+    }
+
     fn track(&self, body: u32) -> Track<'_> {
         let (chunk, lane) = (body as usize / CHUNK, body as usize % CHUNK);
         self.chunks[chunk].tracks.get(lane)
@@ -185,7 +194,7 @@ fn sweep_pair(
     findings: &mut Findings,
 ) {
     // Pairs have the lower index first: here, at most one is an agent.
-    if i >= bodies.agents {
+    if i >= bodies.agents || bodies.tows(i, j) {
         return;
     }
     let both_agents = j < bodies.agents;

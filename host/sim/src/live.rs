@@ -120,6 +120,10 @@ impl<'a> Live<'a> {
             world = world.with_fleet(fleet);
         }
         world.check_agents(starts.len())?;
+        if let Some(agent) = world.first_car(starts.len()) {
+            let reason = "orders on a grid";
+            return Err(SimError::Car { agent, reason });
+        }
         let mut hasher = Hasher::new("fleetyard.starts/1");
         for (agent, (cell, heading_rad)) in starts.iter().enumerate() {
             if *cell >= grid.cell_count() {

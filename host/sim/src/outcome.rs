@@ -24,7 +24,7 @@ pub struct Outcome {
     pub tier: Tier,
     /// Rule by which agents proceeded.
     pub policy: Policy,
-    /// Number of agents.
+    /// Number of agents, without the trailers of cars.
     pub agents: u32,
     /// The largest effective radius of an agent in metres: that of the smallest
     /// disc which covers any agent's footprint (r_com of GRACE, section III-B).

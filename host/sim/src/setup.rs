@@ -37,6 +37,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) grid: Option<&'a Grid>,
     pub(crate) workspace: Option<&'a Workspace>,
     pub(crate) fleet: Option<&'a Fleet>,
+    /// The car of each trailer; trailers are the last agents.
+    pub(crate) cars: &'a [u32],
     /// Roadmap of the plan, for display only.
     pub(crate) roadmap: Option<&'a Roadmap>,
 }
@@ -51,7 +53,7 @@ impl Setup<'_> {
         lane: usize,
     ) {
         match self.models[shapes.kind_of(chunk.first + lane as u32)] {
-            None | Some(Model::Pebble(_)) => driver.follow(None, chunk, lane),
+            None | Some(Model::Pebble(_) | Model::Car(_)) => driver.follow(None, chunk, lane),
             Some(Model::Rotation(model)) => {
                 let quarter_turn = model.turn_s * self.clock.substeps_per_s;
                 driver.follow(Some(quarter_turn), chunk, lane);
@@ -79,14 +81,19 @@ impl Setup<'_> {
                 }
             }
         };
+        let trailers = (self.agents - self.cars.len()..self.agents)
+            .map(|trailer| shapes.kind_of(trailer as u32));
+        let is_towed = |kind: usize| trailers.clone().any(|towed| towed == kind);
         let profiles = shapes.kinds.iter().enumerate().map(|(kind, shape)| {
             let model = self.models.get(kind).copied();
             Profile {
                 name: match model {
+                    Some(_) if is_towed(kind) => format!("trailer {kind}"),
                     Some(_) => format!("robot {kind}"),
                     None => format!("mover {}", kind - self.models.len()),
                 },
                 model: match model {
+                    Some(_) if is_towed(kind) => "towed".to_owned(),
                     Some(model) => model.map_or("pebble", Model::name).to_owned(),
                     None => String::new(),
                 },

@@ -14,7 +14,7 @@ use crate::error::SimError;
 use crate::execution::Run;
 use crate::gate::{DependencyGraph, GateOptions, Gates, Routes};
 use crate::kinematic::Shapes;
-use crate::motion::{Fleet, Model, smooth};
+use crate::motion::{Fleet, Model, Pebble, Profile, smooth};
 use crate::obstacles::Obstacles;
 use crate::outcome::Outcome;
 use crate::route::{Place, Plan, Reference};
@@ -34,6 +34,9 @@ pub struct Simulator<'a> {
     fleet: Option<&'a Fleet>,
     roadmap: Option<&'a Roadmap>,
     headings: &'a [Option<f64>],
+    trailers: &'a [Option<f64>],
+    /// The car of each trailer; trailers are the last agents.
+    cars: &'a [u32],
     config: &'a SimConfig,
 }
 
@@ -46,6 +49,8 @@ impl<'a> Simulator<'a> {
             fleet: None,
             roadmap: None,
             headings: &[],
+            trailers: &[],
+            cars: &[],
             config,
         }
     }
@@ -93,7 +98,17 @@ impl<'a> Simulator<'a> {
         Self { headings, ..self }
     }
 
+    /// Adds headings of trailers at the start, in radians; where an agent has none, its trailer is in
+    /// line with the car.
+    #[must_use]
+    pub fn towing(self, trailers: &'a [Option<f64>]) -> Self {
+        Self { trailers, ..self }
+    }
+
     /// Executes a plan and reports its events to `sink`.
+    ///
+    /// A trailer is a body of its own: an agent after all those of the plan, in the order of their cars,
+    /// which it neither touches nor comes near.
     ///
     /// Memory is bounded by the map, the number of agents, the crowding and, if
     /// agents go by order, the dependencies between them.
@@ -104,6 +119,22 @@ impl<'a> Simulator<'a> {
     ) -> Result<Outcome, SimError> {
         let plan = plan.into();
         self.check(plan)?;
+        self.check_cars(plan)?;
+        if let Some(fleet) = self.fleet.filter(|fleet| fleet.has_trailers())
+            && let Plan::Trajectories(plan) = plan
+        {
+            let (trains, fleet, cars) = self.trains(plan, fleet)?;
+            let with_trailers = Simulator {
+                fleet: Some(&fleet),
+                cars: &cars,
+                ..*self
+            };
+            return with_trailers.run_bodies(Plan::Trajectories(&trains), sink);
+        }
+        self.run_bodies(plan, sink)
+    }
+
+    fn run_bodies(&self, plan: Plan<'_>, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
         let smoothed = self.smoothed(plan)?;
         let plan = smoothed.as_ref().map_or(plan, Plan::Trajectories);
         let workers = Workers::new(self.config.threads);
@@ -142,6 +173,73 @@ impl<'a> Simulator<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Refuses cars where they cannot be executed: they follow trajectories exactly, by time.
+    fn check_cars(&self, plan: Plan<'_>) -> Result<(), SimError> {
+        let Some(agent) = self.first_car(plan.agents()) else {
+            return Ok(());
+        };
+        let config = self.config;
+        let reason = match plan {
+            Plan::Grid(_) => "a plan on a grid",
+            Plan::Trajectories(plan) if !plan.has_headings() => "a plan without headings",
+            Plan::Trajectories(_) if config.policy != Policy::Time => "an execution by order",
+            Plan::Trajectories(_) if config.tier != Tier::Kinematic => "the contact tier",
+            Plan::Trajectories(_) if config.disturbance.moves_agents() => "disturbances",
+            Plan::Trajectories(_) if config.smooth_m > 0.0 => "corners that are rounded",
+            Plan::Trajectories(_) => return Ok(()),
+        };
+        Err(SimError::Car { agent, reason })
+    }
+
+    /// The first agent that is a car.
+    pub(crate) fn first_car(&self, agents: usize) -> Option<usize> {
+        let is_car = |agent: &usize| matches!(self.model(*agent), Some(Model::Car(_)));
+        (0..agents).find(is_car)
+    }
+
+    /// A plan and a fleet with trailers as agents of their own, and their cars.
+    fn trains(
+        &self,
+        plan: &TrajectoryPlan,
+        fleet: &Fleet,
+    ) -> Result<(TrajectoryPlan, Fleet, Vec<u32>), SimError> {
+        let mut trains = TrajectoryPlan::with_capacity(2 * plan.agents(), 2 * plan.knot_count());
+        for knots in plan.paths() {
+            trains.push_path(knots.iter())?;
+        }
+        let mut profiles = fleet.profiles().to_vec();
+        let mut profile_of = fleet.profile_of().to_vec();
+        let (mut cars, mut kinds) = (Vec::new(), vec![None; profiles.len()]);
+        for agent in 0..fleet.agents() {
+            let Some((trailer, _)) = fleet.trailer(agent) else {
+                continue;
+            };
+            let knots = plan.knots(agent);
+            let given = self.trailers.get(agent).copied().flatten();
+            let heading = given.or(knots.get(0).heading_rad).unwrap_or(0.0);
+            let towed = trailer.follow(knots, heading, MOST_TOWED_KNOTS);
+            let towed = towed.ok_or(SimError::LongTow { agent })?;
+            trains.push_path(towed.knots)?;
+            cars.push(agent as u32);
+            let own = fleet.profile_of()[agent] as usize;
+            let kind = *kinds[own].get_or_insert_with(|| {
+                profiles.push(Profile {
+                    footprint: trailer.footprint(),
+                    model: Model::Pebble(Pebble::default()),
+                });
+                profiles.len() as u32 - 1
+            });
+            profile_of.push(kind);
+        }
+        let fleet = Fleet::new(profiles, profile_of).map_err(|error| SimError::Config {
+            field: "fleet",
+            value: "a trailer".to_owned(),
+            reason: "is no robot",
+            hint: error.hint(),
+        })?;
+        Ok((trains, fleet, cars))
     }
 
     /// The plan with round corners, if they are asked for: agents go by its times or its order, as
@@ -431,6 +529,7 @@ impl<'a> Simulator<'a> {
             grid: self.grid,
             workspace: self.workspace,
             fleet: self.fleet,
+            cars: self.cars,
             roadmap: self.roadmap,
         };
         Ok(Engine::new(setup, shapes, solved, chunks))
@@ -463,6 +562,9 @@ impl<'a> Simulator<'a> {
         Ok(())
     }
 }
+
+/// Most knots of the motion of one trailer.
+const MOST_TOWED_KNOTS: usize = 1 << 22;
 
 /// The agents of an execution.
 pub(crate) struct Crowd<'c> {
@@ -548,5 +650,5 @@ impl<R: Routes> Routes for Headed<'_, R> {
 
 /// True if a model follows its reference without any time to spare.
 fn is_pebble(model: &Model) -> bool {
-    matches!(model, Model::Pebble(_))
+    matches!(model, Model::Pebble(_) | Model::Car(_))
 }

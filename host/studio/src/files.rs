@@ -348,6 +348,7 @@ impl<'a> Given<'a> {
                     x_m,
                     y_m,
                     heading_rad: None,
+                    trailer_rad: None,
                 }
             };
             let instance = self.instance(&list, grid)?;

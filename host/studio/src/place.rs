@@ -64,6 +64,7 @@ pub(crate) fn scatter(
         x_m,
         y_m,
         heading_rad: None,
+        trailer_rad: None,
     };
     let agents = free.take(count as usize).map(|[start, goal]| Agent {
         robot: kind,

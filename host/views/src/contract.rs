@@ -11,7 +11,8 @@ use fleetyard_core::{
     Grid, InputError, Knot, RoadmapPlan, Separation, TrajectoryPlan, check_controls,
 };
 use fleetyard_sim::Fleet;
-use fleetyard_world::{Boundary, ControlModel, Dynamics, Shape, Travel, Workspace};
+use fleetyard_sim::motion::{Car, Model};
+use fleetyard_world::{Boundary, ControlModel, Dynamics, Shape, Trailer, Travel, Workspace};
 
 use crate::judge::{GridTerms, Judged};
 use crate::{GridView, Problem, RoadmapView, View};
@@ -246,12 +247,16 @@ impl Problem {
     }
 
     /// The state of a robot of an agent that rests at a place, with `any` as its heading where the task
-    /// gives none.
+    /// gives none; its trailer is in line then, or NaN as well.
     pub(crate) fn state(robot: &Robot, at: crate::State, any: f64) -> State {
         let mut numbers = vec![0.0; robot.state_limits.len()];
         (numbers[0], numbers[1]) = (at.x_m, at.y_m);
         if robot.has_heading {
             numbers[2] = at.heading_rad.unwrap_or(any);
+        }
+        if robot.dynamics == CAR_TRAILER {
+            let in_line = if any.is_nan() { any } else { numbers[2] };
+            numbers[3] = at.trailer_rad.unwrap_or(in_line);
         }
         State(numbers)
     }
@@ -337,8 +342,47 @@ impl Problem {
 pub fn robots_of(fleet: &Fleet, name: impl Fn(usize) -> String) -> Vec<Robot> {
     let profiles = fleet.profiles().iter().zip(fleet.shapes()).enumerate();
     profiles
-        .map(|(kind, (profile, shape))| robot(&name(kind), shape, profile.model.dynamics()))
+        .map(|(kind, (profile, shape))| match &profile.model {
+            Model::Car(model) => car(&name(kind), shape, model),
+            model => robot(&name(kind), shape, model.dynamics()),
+        })
         .collect()
+}
+
+const CAR: &str = "fleetyard.car/1";
+const CAR_TRAILER: &str = "fleetyard.car-trailer/1";
+
+/// A car, with its trailer if it has one.
+fn car(name: &str, shape: &Shape, model: &Car) -> Robot {
+    let mut parameters = vec![model.wheelbase_m];
+    if let Some(trailer) = &model.trailer {
+        let Trailer {
+            hitch_m,
+            length_m,
+            width_m,
+            max_joint_rad,
+        } = *trailer;
+        parameters.extend([hitch_m, length_m, width_m, max_joint_rad]);
+    }
+    let steering = model.max_steering_rad;
+    let towing = usize::from(model.trailer.is_some());
+    Robot {
+        name: name.into(),
+        footprint: footprint(shape),
+        dynamics: [CAR, CAR_TRAILER][towing].to_owned(),
+        has_heading: true,
+        polar_state: false,
+        polar_control: false,
+        state_limits: vec![[None, None]; 3 + towing],
+        control_limits: vec![
+            [
+                limit(-model.max_reverse_m_per_s),
+                limit(model.max_speed_m_per_s),
+            ],
+            [limit(-steering), limit(steering)],
+        ],
+        parameters,
+    }
 }
 
 /// A robot with the dynamics that its limits make of it.

@@ -11,7 +11,8 @@
 
 use fleetyard_check::{
     ContinuousTask, ContinuousVerdict, ControlTask, Near, Pace, RoadmapTask, RoadmapVerdict, Terms,
-    Tolerance, TravelCosts, Verdict, validate_roadmap, validate_terms, validate_trajectories,
+    Tolerance, TrailerTask, TravelCosts, Verdict, validate_roadmap, validate_terms,
+    validate_trajectories,
 };
 use fleetyard_core::{
     GridPlan, InputError, Knot, RoadmapPlan, RoadmapPlanError, Separation, TrajectoryError,
@@ -285,6 +286,7 @@ impl Problem {
                 x_m,
                 y_m,
                 heading_rad,
+                ..
             } = state(agent);
             let is_planned = agent < plan.agents();
             let own = || plan.knots(agent).heading_rad.map(&pick);
@@ -301,13 +303,47 @@ impl Problem {
         aims: Option<&Aims<'_>>,
         limit: usize,
     ) -> ContinuousVerdict {
-        let own = self.fleet.shapes();
-        let discs: Vec<Shape> = own.iter().map(Shape::enclosing_disc).collect();
-        let kinds = if plan.has_headings() { own } else { &discs };
-        let of_agents = self.fleet.profile_of().iter();
-        let shapes: Vec<&Shape> = of_agents.map(|kind| &kinds[*kind as usize]).collect();
+        let agents = 0..self.task.agents.len();
+        let discs: Vec<Shape> = agents
+            .clone()
+            .map(|agent| self.fleet.enclosing_disc(agent))
+            .collect();
+        let headed = plan.has_headings();
+        let shapes: Vec<&Shape> = if headed {
+            agents
+                .clone()
+                .map(|agent| self.fleet.shape(agent))
+                .collect()
+        } else {
+            discs.iter().collect()
+        };
+        let start_rad = |agent: usize| {
+            let State {
+                heading_rad,
+                trailer_rad,
+                ..
+            } = self.task.agents[agent].start;
+            let planned = (agent < plan.agents()).then(|| plan.knots(agent).get(0).heading_rad);
+            let in_line = || planned.flatten().unwrap_or(0.0);
+            trailer_rad.or(heading_rad).unwrap_or_else(in_line)
+        };
+        // A body without a heading is the disc that holds its trailer as well.
+        let trailers = agents.filter(|_| headed).map(|agent| {
+            let (trailer, shape) = self.fleet.trailer(agent)?;
+            let goal_rad = self.task.agents[agent].goal.trailer_rad;
+            Some(TrailerTask {
+                trailer,
+                shape,
+                start_rad: start_rad(agent),
+                goal_rad: goal_rad.unwrap_or(f64::NAN),
+            })
+        });
+        let trailers: Vec<Option<TrailerTask<'_>>> = trailers.collect();
         let obstacles = Obstacles::workspace(&self.world);
-        let footprints = ContinuousTask::new(&shapes, &obstacles);
+        let footprints = ContinuousTask {
+            trailers: &trailers,
+            ..ContinuousTask::new(&shapes, &obstacles)
+        };
         let task = match aims {
             None => footprints,
             Some(aims) => ContinuousTask {

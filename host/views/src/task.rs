@@ -24,8 +24,10 @@
 //! `cell_size_m`; its lower left corner is at (0, 0). Either `robots` has kinds of robots, as
 //! profiles of a fleet file, and every agent names its own in `robot`; or `fleet` names a fleet
 //! file, which deals its profiles to the agents. Files are named from the folder of the task.
-//! Starts and goals are `[x, y]` or `[x, y, heading]`; robots rest there. Unknown keys are refused.
+//! Starts and goals are `[x, y]` or `[x, y, heading]`, of a car with a trailer also `[x, y, heading,
+//! trailer heading]`; robots rest there. Unknown keys are refused.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -37,8 +39,8 @@ use fleetyard_core::{
 };
 use fleetyard_sim::motion::{Fleet, Profile, load_fleet};
 use fleetyard_world::{
-    Boundary, Bounds, BoxIndex, DYNAMICS_TOLERANCE, Placement, Polygon, Pose, Shape, Workspace,
-    common_radius_m, load_workspace, separation_m,
+    Bend, Boundary, Bounds, BoxIndex, DYNAMICS_TOLERANCE, Placement, Polygon, Pose, Shape,
+    Workspace, load_workspace, separation_m,
 };
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, SeqAccess};
 use serde::ser::Serializer;
@@ -132,6 +134,9 @@ pub struct State {
     pub y_m: f64,
     /// Its heading in radians; any if there is none.
     pub heading_rad: Option<f64>,
+    /// Heading of its trailer in radians, if there is one: without it a trailer begins in line with its
+    /// car, and ends with any.
+    pub trailer_rad: Option<f64>,
 }
 
 impl State {
@@ -145,12 +150,15 @@ impl State {
     }
 }
 
-/// As task files have it: `[x, y]` or `[x, y, heading]`.
+/// As task files have it: `[x, y]`, `[x, y, heading]`, or that with the heading of a trailer.
 impl Serialize for State {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.heading_rad {
-            Some(heading) => [self.x_m, self.y_m, heading].serialize(serializer),
-            None => [self.x_m, self.y_m].serialize(serializer),
+        match (self.heading_rad, self.trailer_rad) {
+            (Some(heading), Some(trailer)) => {
+                [self.x_m, self.y_m, heading, trailer].serialize(serializer)
+            }
+            (Some(heading), None) => [self.x_m, self.y_m, heading].serialize(serializer),
+            (None, _) => [self.x_m, self.y_m].serialize(serializer),
         }
     }
 }
@@ -165,7 +173,8 @@ impl<'de> Deserialize<'de> for State {
 struct Numbers;
 
 impl<'de> ReadList<'de> for Numbers {
-    const EXPECTED: &'static str = "a place [x, y] or [x, y, heading]";
+    const EXPECTED: &'static str =
+        "a place [x, y] or [x, y, heading], with a trailer [x, y, heading, trailer heading]";
     type Value = State;
 
     fn read<A: SeqAccess<'de>>(self, mut list: A) -> Result<State, A::Error> {
@@ -173,10 +182,15 @@ impl<'de> ReadList<'de> for Numbers {
         let x_m: f64 = list.next_element()?.ok_or_else(|| wrong(0))?;
         let y_m: f64 = list.next_element()?.ok_or_else(|| wrong(1))?;
         let heading_rad: Option<f64> = list.next_element()?;
-        if heading_rad.is_some() && list.next_element::<IgnoredAny>()?.is_some() {
-            return Err(wrong(4));
+        let trailer_rad: Option<f64> = match heading_rad {
+            Some(_) => list.next_element()?,
+            None => None,
+        };
+        if trailer_rad.is_some() && list.next_element::<IgnoredAny>()?.is_some() {
+            return Err(wrong(5));
         }
-        let numbers = [x_m, y_m, heading_rad.unwrap_or(0.0)];
+        let headings = [heading_rad, trailer_rad].map(Option::unwrap_or_default);
+        let numbers = [x_m, y_m, headings[0], headings[1]];
         if numbers.iter().any(|number| number.abs() > Polygon::MOST_M) {
             let reason = format!("[{x_m}, {y_m}] is too far or turned too often");
             let hint = "give coordinates in metres and a heading in radians";
@@ -186,6 +200,7 @@ impl<'de> ReadList<'de> for Numbers {
             x_m: x_m + 0.0,
             y_m: y_m + 0.0,
             heading_rad,
+            trailer_rad,
         })
     }
 }
@@ -529,9 +544,18 @@ impl Problem {
         agents.map(|agent| agent.start.heading_rad).collect()
     }
 
-    /// r_com, the largest effective radius of the agents, in metres.
+    /// Heading of every trailer at its start, where the task gives one.
+    pub fn trailer_headings(&self) -> Vec<Option<f64>> {
+        let agents = self.task.agents.iter();
+        agents.map(|agent| agent.start.trailer_rad).collect()
+    }
+
+    /// r_com, the largest effective radius of the agents, in metres; of a car with a trailer, that of the
+    /// disc about the car that holds both.
     pub fn common_radius_m(&self) -> f64 {
-        common_radius_m((0..self.task.agents.len()).map(|agent| self.shape(agent)))
+        let agents = 0..self.task.agents.len();
+        let reaches = agents.map(|agent| self.fleet.reach_m(agent));
+        reaches.fold(0.0, f64::max)
     }
 
     /// Digest of everything that planners can see: names and the kind of file are no part of it.
@@ -581,7 +605,7 @@ impl Problem {
                 if free.holds([x, y], shape.effective_radius_m()) {
                     continue;
                 }
-                let depth = solid.depth_m(shape, state);
+                let depth = solid.depth_m(shape, state.pose());
                 let reason = if !free.is_inside([x, y]) {
                     "outside of the free space".to_owned()
                 } else if depth > FORGIVEN_M {
@@ -597,10 +621,11 @@ impl Problem {
                 });
             }
         }
+        self.find_trailer_faults(&solid, limit, &mut faults);
         for end in [End::Start, End::Goal] {
             let states = self.task.agents.iter().map(|agent| end.of(agent));
-            let room = limit - faults.len();
-            let found = self.overlaps(&states.collect::<Vec<_>>(), room);
+            let room = limit.saturating_sub(faults.len());
+            let found = self.overlaps(&states.collect::<Vec<_>>(), end, room);
             faults.extend(found.into_iter().map(|(first, second, depth)| Fault {
                 end,
                 agents: vec![first, second],
@@ -613,23 +638,105 @@ impl Problem {
         faults
     }
 
+    /// Bodies of an agent at a place: its own, and that of its trailer, where it is known how that stands.
+    fn bodies(&self, agent: usize, state: State, end: End) -> Vec<(&Shape, Pose)> {
+        let mut bodies = vec![(self.shape(agent), state.pose())];
+        if let Some((trailer, shape)) = self.fleet.trailer(agent) {
+            let in_line = (end == End::Start).then(|| state.pose().heading);
+            let heading = state.trailer_rad.or(in_line);
+            bodies.extend(heading.map(|heading| (shape, trailer.pose(state.at_m(), heading))));
+        }
+        bodies
+    }
+
+    /// Adds headings of trailers that there are not, joints that are bent too far, and trailers that are
+    /// not free.
+    fn find_trailer_faults(&self, solid: &Solid<'_>, limit: usize, faults: &mut Vec<Fault>) {
+        for (number, agent) in self.task.agents.iter().enumerate() {
+            for end in [End::Start, End::Goal] {
+                if faults.len() >= limit {
+                    return;
+                }
+                let found = self.trailer_fault(solid, number, end.of(agent), end);
+                faults.extend(found.map(|(reason, hint)| Fault {
+                    end,
+                    agents: vec![number],
+                    reason: format!("the {end} of agent {number} {reason}"),
+                    hint,
+                }));
+            }
+        }
+    }
+
+    fn trailer_fault(
+        &self,
+        solid: &Solid<'_>,
+        agent: usize,
+        state: State,
+        end: End,
+    ) -> Option<(String, &'static str)> {
+        let Some((trailer, _)) = self.fleet.trailer(agent) else {
+            let reason = "has four numbers, but its robot tows no trailer".to_owned();
+            let hint = "give [x, y] or [x, y, heading]";
+            return state.trailer_rad.map(|_| (reason, hint));
+        };
+        if let (Some(heading), Some(behind)) = (state.heading_rad, state.trailer_rad) {
+            let turn = heading - behind;
+            let bend = Bend {
+                time_s: 0.0,
+                place_m: state.at_m(),
+                joint_rad: turn - TAU * (turn / TAU).round(),
+            };
+            if trailer.is_beyond(&bend) {
+                let (joint, most) = (bend.joint_rad.abs(), trailer.max_joint_rad);
+                let reason = format!(
+                    "bends the joint to its trailer by {joint:.4} rad, more than {most} rad"
+                );
+                return Some((reason, "turn the trailer nearer to the car's heading"));
+            }
+        }
+        let bodies = self.bodies(agent, state, end);
+        let depths = bodies[1..]
+            .iter()
+            .map(|(shape, pose)| solid.depth_m(shape, *pose));
+        let depth = depths.fold(0.0, f64::max);
+        (depth > FORGIVEN_M).then(|| {
+            let reason = format!("has its trailer {depth:.4} m inside an obstacle or the edge");
+            (reason, "move it, or turn the trailer")
+        })
+    }
+
     /// The first pairs of robots that overlap when all are at these places, and by how much.
-    fn overlaps(&self, states: &[State], limit: usize) -> Vec<(usize, usize, f64)> {
-        let boxes = states.iter().enumerate();
-        let boxes = boxes.map(|(agent, state)| self.shape(agent).bounds(state.pose()));
-        let boxes: Vec<Bounds> = boxes.collect();
+    fn overlaps(&self, states: &[State], end: End, limit: usize) -> Vec<(usize, usize, f64)> {
+        let bodies = |agent: usize| self.bodies(agent, states[agent], end);
+        let around = |agent: usize| {
+            let boxes = bodies(agent)
+                .into_iter()
+                .map(|(shape, pose)| shape.bounds(pose));
+            let both = boxes.reduce(|one, other| Bounds {
+                min: [0, 1].map(|axis: usize| one.min[axis].min(other.min[axis])),
+                max: [0, 1].map(|axis: usize| one.max[axis].max(other.max[axis])),
+            });
+            both.unwrap_or_else(|| self.shape(agent).bounds(states[agent].pose()))
+        };
+        let boxes: Vec<Bounds> = (0..states.len()).map(around).collect();
         let index = BoxIndex::new(boxes.clone());
         let (mut found, mut near) = (Vec::new(), Vec::new());
-        for (first, state) in states.iter().enumerate() {
+        for (first, own) in boxes.iter().enumerate() {
             near.clear();
-            index.near(boxes[first], &mut near);
+            index.near(*own, &mut near);
             let others = near.iter().map(|other| *other as usize);
             for second in others.filter(|other| *other > first) {
                 if found.len() >= limit {
                     return found;
                 }
-                let (one, other) = (self.shape(first), self.shape(second));
-                let depth = -separation_m(one, state.pose(), other, states[second].pose());
+                let (own, others) = (bodies(first), bodies(second));
+                let pairs = own
+                    .iter()
+                    .flat_map(|own| others.iter().map(move |other| (own, other)));
+                let depths =
+                    pairs.map(|(own, other)| -separation_m(own.0, own.1, other.0, other.1));
+                let depth = depths.fold(f64::NEG_INFINITY, f64::max);
                 if depth > FORGIVEN_M {
                     found.push((first, second, depth));
                 }
@@ -690,8 +797,7 @@ impl<'a> Solid<'a> {
     }
 
     /// Depth of a shape in an obstacle or beyond the edge of the world, in metres.
-    fn depth_m(&self, shape: &Shape, state: State) -> f64 {
-        let pose = state.pose();
+    fn depth_m(&self, shape: &Shape, pose: Pose) -> f64 {
         let at = Placement::from(pose);
         let mut near = Vec::new();
         self.index.near(shape.bounds(pose), &mut near);
@@ -713,7 +819,7 @@ impl<'a> Solid<'a> {
             let corners = corners.map(|corner| sign * (corner[axis] - here));
             corners.fold(0.0, f64::max)
         };
-        let (bounds, point) = (self.world.bounds, state.at_m());
+        let (bounds, point) = (self.world.bounds, [pose.x, pose.y]);
         let over = [0, 1].map(|axis| {
             let low = bounds.min[axis] - (point[axis] - reach(axis, -1.0));
             let high = point[axis] + reach(axis, 1.0) - bounds.max[axis];

@@ -4,15 +4,18 @@
 //! linear in time within a segment. Its pose follows in closed form where the axes of its rates do
 //! not turn, or turn evenly: parabolas, arcs, and arcs that speed up. Where the turn rate itself
 //! changes (a clothoid), velocities are integrated by Gauss's rule with five points over pieces in
-//! which the robot turns by at most [`PIECE_RAD`]: its error is below 10⁻¹¹ of the piece.
+//! which the robot turns by at most [`PIECE_RAD`]: its error is below 10⁻¹¹ of the piece. A car goes on
+//! arcs, and its trailer follows by [`joint_after`].
 //!
 //! Knots are linear by contract. A motion that is curved is therefore sampled so densely that its
 //! chords lie within [`CHORD_M`] and [`CHORD_RAD`] of it at all times: a chord over h seconds is
 //! off by h²/8 of the largest change of the velocity meanwhile, at most.
 
+use core::f64::consts::{FRAC_PI_2, TAU};
+
 use fleetyard_core::{Knot, Robot, Segment, TrajectoryPlan};
 
-use crate::{DYNAMICS_TOLERANCE, Dynamics, Travel, Vector};
+use crate::{DYNAMICS_TOLERANCE, Dynamics, Trailer, Travel, Vector, joint_after};
 
 /// Largest distance between a motion and the chords of its samples, in metres.
 pub const CHORD_M: f64 = 1e-4;
@@ -42,6 +45,14 @@ pub struct ControlModel {
     state_limits: Vec<[f64; 2]>,
     control_limits: Vec<[f64; 2]>,
     wheels: Option<Wheels>,
+    car: Option<Car>,
+}
+
+/// A car: the second number of a control is the angle at which it steers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Car {
+    wheelbase_m: f64,
+    trailer: Option<Trailer>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +74,8 @@ pub enum Bounded {
     WheelSpeed,
     /// Turn rate, in rad/s.
     TurnRate,
+    /// Steering angle, in radians.
+    Steering,
     /// Acceleration, in m/s².
     Acceleration,
     /// Turn acceleration, in rad/s².
@@ -130,6 +143,8 @@ struct State {
     at: Vector,
     heading: f64,
     rates: [f64; 3],
+    /// Heading of the trailer; 0 without one.
+    behind: f64,
 }
 
 /// Change of rates within a segment, and the state at its begin.
@@ -138,6 +153,8 @@ struct Course {
     begin: State,
     change: [f64; 3],
     turns_axes: bool,
+    /// Length of a hitch, of a car with a trailer.
+    hitch_m: Option<f64>,
 }
 
 impl ControlModel {
@@ -150,7 +167,10 @@ impl ControlModel {
         let (turns_axes, is_second, sideways) = match &*robot.dynamics {
             "fleetyard.single-integrator/1" => (false, false, true),
             "fleetyard.double-integrator/1" => (false, true, true),
-            "fleetyard.unicycle/1" | "fleetyard.differential-drive/1" => (true, false, false),
+            "fleetyard.unicycle/1"
+            | "fleetyard.differential-drive/1"
+            | "fleetyard.car/1"
+            | "fleetyard.car-trailer/1" => (true, false, false),
             "fleetyard.unicycle-2/1" => (true, true, false),
             "fleetyard.holonomic/1" => (true, false, true),
             "fleetyard.holonomic-2/1" => (true, true, true),
@@ -167,9 +187,43 @@ impl ControlModel {
             ("fleetyard.differential-drive/1", _) => {
                 return Err(wrong("other parameters than track_m and wheel_speed_max"));
             }
-            (_, []) => None,
+            ("fleetyard.car/1" | "fleetyard.car-trailer/1", _) | (_, []) => None,
             _ => return Err(wrong("parameters")),
         };
+        let car = match (&*robot.dynamics, &*robot.parameters) {
+            ("fleetyard.car/1", [wheelbase_m]) => Some(Car {
+                wheelbase_m: *wheelbase_m,
+                trailer: None,
+            }),
+            (
+                "fleetyard.car-trailer/1",
+                [wheelbase_m, hitch_m, length_m, width_m, max_joint_rad],
+            ) => Some(Car {
+                wheelbase_m: *wheelbase_m,
+                trailer: Some(Trailer {
+                    hitch_m: *hitch_m,
+                    length_m: *length_m,
+                    width_m: *width_m,
+                    max_joint_rad: *max_joint_rad,
+                }),
+            }),
+            ("fleetyard.car/1", _) => return Err(wrong("other parameters than wheelbase_m")),
+            ("fleetyard.car-trailer/1", _) => {
+                return Err(wrong(
+                    "other parameters than wheelbase_m, hitch_m, trailer_length_m, \
+                     trailer_width_m and joint_max_rad",
+                ));
+            }
+            _ => None,
+        };
+        if robot.dynamics.starts_with("fleetyard.car")
+            && !robot
+                .parameters
+                .iter()
+                .all(|size| *size > 0.0 && size.is_finite())
+        {
+            return Err(wrong("sizes that are not above 0"));
+        }
         let limits = |given: &[[Option<f64>; 2]]| -> Vec<[f64; 2]> {
             let infinite = |[least, most]: &[Option<f64>; 2]| {
                 [
@@ -189,6 +243,7 @@ impl ControlModel {
             state_limits: limits(&robot.state_limits),
             control_limits: limits(&robot.control_limits),
             wheels,
+            car,
         };
         if model.control_limits.len() != model.control_size() {
             return Err(wrong("another number of control limits"));
@@ -219,6 +274,10 @@ impl ControlModel {
             None => f64::INFINITY,
         };
         let ([back, ahead], [slower, faster]) = (rates[0], changes[0]);
+        let curvature = self.car.map(|car| {
+            let steering = most(&rates[1..=ways]).min(FRAC_PI_2);
+            libm::tan(steering) / car.wheelbase_m
+        });
         let travel = match (self.turns_axes, self.sideways) {
             (false, _) if self.polar_state || self.polar_control => Travel::Polar {
                 speed: most(&rates[..ways]),
@@ -244,13 +303,22 @@ impl ControlModel {
         };
         Dynamics {
             travel,
-            turn_rad_per_s: turning(rates),
+            turn_rad_per_s: match curvature {
+                Some(curvature) => curvature * most(&rates[..1]),
+                None => turning(rates),
+            },
             turn_acceleration_rad_per_s2: turning(changes),
+            curvature_rad_per_m: curvature.unwrap_or(f64::INFINITY),
         }
     }
 
+    /// The trailer of a car that has one.
+    pub fn trailer(&self) -> Option<Trailer> {
+        self.car.and_then(|car| car.trailer)
+    }
+
     fn pose_size(&self) -> usize {
-        2 + usize::from(self.has_heading)
+        2 + usize::from(self.has_heading) + usize::from(self.trailer().is_some())
     }
 
     /// Numbers of a state.
@@ -311,7 +379,9 @@ impl ControlModel {
             at: Vector::new(start[0], start[1]),
             heading: if self.has_heading { start[2] } else { 0.0 },
             rates: self.spread(&start[pose..]),
+            behind: self.trailer().map_or(0.0, |_| start[3]),
         };
+        let hitch_m = self.trailer().map(|trailer| trailer.hitch_m);
         let mut knots = vec![self.knot(0.0, &state)];
         let mut worst = Vec::new();
         let mut time_s = 0.0;
@@ -330,12 +400,16 @@ impl ControlModel {
                     found: control.len(),
                 });
             }
-            let numbers = self.spread(control);
+            let mut numbers = self.spread(control);
+            if let Some(car) = self.car {
+                numbers[2] = numbers[0] * libm::tan(numbers[2]) / car.wheelbase_m;
+            }
             let course = if self.is_second {
                 Course {
                     begin: state,
                     change: numbers,
                     turns_axes: self.turns_axes,
+                    hitch_m,
                 }
             } else {
                 Course {
@@ -345,6 +419,7 @@ impl ControlModel {
                     },
                     change: [0.0; 3],
                     turns_axes: self.turns_axes,
+                    hitch_m,
                 }
             };
             let samples = course.samples(duration_s);
@@ -407,6 +482,7 @@ impl ControlModel {
     fn numbers(&self, state: &State) -> Vec<f64> {
         let mut numbers = vec![state.at.x, state.at.y];
         numbers.extend(self.has_heading.then_some(state.heading));
+        numbers.extend(self.trailer().map(|_| state.behind));
         if self.is_second {
             let there = [true, self.sideways, self.has_heading];
             let rates = state.rates.into_iter().zip(there);
@@ -428,6 +504,8 @@ impl ControlModel {
     fn see_control(&self, seen: &mut Seen<'_>, control: &[f64], time_s: f64, begin: &State) {
         let kinds = if self.is_second {
             [Bounded::Acceleration, Bounded::TurnAcceleration]
+        } else if self.car.is_some() {
+            [Bounded::Speed, Bounded::Steering]
         } else {
             [Bounded::Speed, Bounded::TurnRate]
         };
@@ -459,6 +537,7 @@ impl ControlModel {
             (Bounded::Place, "x"),
             (Bounded::Place, "y"),
             (Bounded::Heading, ""),
+            (Bounded::Heading, "of its trailer"),
         ];
         for (((bounded, along), value), limits) in kinds.into_iter().zip(pose).zip(of_pose) {
             seen.see(bounded, along, *value, *limits, time_s, state);
@@ -611,10 +690,21 @@ impl Course {
         } else {
             self.begin.at + rates * after_s + change * (0.5 * after_s * after_s)
         };
+        let heading = self.heading(after_s);
         State {
             at,
-            heading: self.heading(after_s),
+            heading,
             rates: self.rates(after_s),
+            behind: self.hitch_m.map_or(0.0, |hitch_m| {
+                let turned = heading - self.begin.heading;
+                let joint = joint_after(
+                    self.begin.heading - self.begin.behind,
+                    turned,
+                    ahead * after_s / hitch_m,
+                );
+                let behind = heading - joint;
+                behind + TAU * ((before.behind - behind) / TAU).round()
+            }),
         }
     }
 

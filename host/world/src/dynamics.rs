@@ -41,6 +41,8 @@ pub struct Dynamics {
     pub turn_rad_per_s: f64,
     /// The largest change of the turn rate, in rad/s².
     pub turn_acceleration_rad_per_s2: f64,
+    /// The largest turn on a metre of way, in radians: who steers does not turn in place.
+    pub curvature_rad_per_m: f64,
 }
 
 /// Limits of speed in m/s and of acceleration in m/s², by the way in which they hold.
@@ -95,6 +97,8 @@ pub enum Demand {
     Course,
     /// Turn rate, in rad/s.
     TurnRate,
+    /// Turn rate of who steers, in rad/s; the limit is that at the speed of the moment.
+    Steering,
     /// Acceleration, in m/s².
     Acceleration,
     /// Turn acceleration, in rad/s².
@@ -129,6 +133,7 @@ impl Dynamics {
         },
         turn_rad_per_s: f64::INFINITY,
         turn_acceleration_rad_per_s2: f64::INFINITY,
+        curvature_rad_per_m: f64::INFINITY,
     };
 
     /// The places where one agent's motion exceeds its limits: of every [`Demand`] the worst place,
@@ -262,6 +267,16 @@ impl Part {
 /// Fractions of a part whose headings count for all of it.
 const SHARES: [f64; 3] = [0.5, 0.0, 1.0];
 
+/// Length of an arc over its chord, which turns by twice this angle.
+fn arc_of(half: f64) -> f64 {
+    let half = half.min(FRAC_PI_2);
+    if half > 0.0 {
+        half / libm::sin(half)
+    } else {
+        1.0
+    }
+}
+
 struct Judge {
     dynamics: Dynamics,
     /// At most one of each demand.
@@ -336,6 +351,17 @@ impl Judge {
             off: leg.off,
         };
         self.see(&turn_rate, leg);
+        let curvature = self.dynamics.curvature_rad_per_m;
+        if curvature.is_finite() {
+            let steering = Measured {
+                demand: Demand::Steering,
+                along: "",
+                value: leg.turn().abs() / leg.span_s,
+                limit: curvature * leg.speed() * arc_of(0.5 * leg.turn().abs()),
+                off: leg.off * (1.0 + curvature),
+            };
+            self.see(&steering, leg);
+        }
         let turns_with_it = matches!(
             self.dynamics.travel,
             Travel::Body { .. } | Travel::Wheels { .. }
@@ -500,13 +526,7 @@ impl Judge {
                 off: 0.0,
             });
         }
-        let half = half.min(FRAC_PI_2);
-        let longer = if half > 0.0 {
-            half / libm::sin(half)
-        } else {
-            1.0
-        };
-        let mut ends = [speed * way, speed * way * longer];
+        let mut ends = [speed * way, speed * way * arc_of(half)];
         ends.sort_by(f64::total_cmp);
         Ok([ends[0] - reversed, ends[1] + reversed])
     }
@@ -716,6 +736,7 @@ mod tests {
         },
         turn_rad_per_s: PI,
         turn_acceleration_rad_per_s2: f64::INFINITY,
+        curvature_rad_per_m: f64::INFINITY,
     };
 
     const WHEELS: Dynamics = Dynamics {
@@ -727,6 +748,7 @@ mod tests {
         },
         turn_rad_per_s: 1.0,
         turn_acceleration_rad_per_s2: 4.0,
+        curvature_rad_per_m: f64::INFINITY,
     };
 
     const BODY: Dynamics = Dynamics {
@@ -739,6 +761,7 @@ mod tests {
         },
         turn_rad_per_s: 1.0,
         turn_acceleration_rad_per_s2: 2.0,
+        curvature_rad_per_m: f64::INFINITY,
     };
 
     fn plan(knots: &[[f64; 4]], headings: bool) -> TrajectoryPlan {
@@ -835,6 +858,43 @@ mod tests {
         // The first step of a ramp is half as high as the others.
         let slow = plan(&[[0.0; 4], [2.0, 0.39, 0.0, 0.0]], true);
         assert_eq!(asked(&AXES, &slow), []);
+    }
+
+    #[test]
+    fn who_steers_does_not_turn_in_place() {
+        let car = Dynamics {
+            travel: Travel::Wheels {
+                forward: 1.0,
+                backward: 0.5,
+                acceleration: f64::INFINITY,
+                deceleration: f64::INFINITY,
+            },
+            turn_rad_per_s: 2.0,
+            turn_acceleration_rad_per_s2: f64::INFINITY,
+            curvature_rad_per_m: 2.0,
+        };
+        // Chords of arcs, ahead and back: one is as narrow as it can be, the other is narrower.
+        let arc = |way: f64, turn: f64| {
+            let knots: Vec<[f64; 4]> = (0..=20)
+                .map(|at| {
+                    let heading = turn * f64::from(at) / 20.0;
+                    let radius = way / turn;
+                    let (sin, cos) = libm::sincos(heading);
+                    [
+                        f64::from(at) * 0.1,
+                        radius * sin,
+                        radius * (1.0 - cos),
+                        heading,
+                    ]
+                })
+                .collect();
+            plan(&knots, true)
+        };
+        assert_eq!(asked(&car, &arc(0.75, 1.5)), []);
+        assert_eq!(asked(&car, &arc(-0.75, 1.5)), []);
+        assert_eq!(asked(&car, &arc(0.74, 1.5)), [(Demand::Steering, "")]);
+        let spot = plan(&[[0.0; 4], [1.0, 0.0, 0.0, 1.0]], true);
+        assert_eq!(asked(&car, &spot), [(Demand::Steering, "")]);
     }
 
     #[test]

@@ -38,6 +38,7 @@ mod shape;
 mod spec;
 mod sweep;
 mod swept;
+mod trailer;
 mod vector;
 mod warehouse;
 mod workspace;
@@ -63,6 +64,7 @@ pub use shape::{Shape, common_radius_m};
 pub use spec::{EmptySpec, MapSpec};
 pub use sweep::{RESOLUTION_M, contacts_in_span};
 pub use swept::{SWEPT_SLACK, squared_distance, swept_shapes_meet};
+pub use trailer::{Bend, Towed, Trailer, Trains, joint_after};
 pub use vector::Vector;
 pub use warehouse::WarehouseSpec;
 pub use workspace::{

@@ -46,6 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         free: Free {
             heading: true,
             rates: [false; 3],
+            trailer: true,
         },
         place_m: 0.2,
         heading_rad: 0.0,

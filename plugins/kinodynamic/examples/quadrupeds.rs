@@ -118,6 +118,7 @@ fn team(world: &World, count: usize, seed: u64) -> Result<Team<'_>, String> {
         let start = draw(&mut random, |member| member.start);
         let goal = draw(&mut random, |member| member.goal.state);
         members.push(Member {
+            behind: None,
             body: robot.body.grown(0.5e-3),
             space,
             start,
@@ -126,6 +127,7 @@ fn team(world: &World, count: usize, seed: u64) -> Result<Team<'_>, String> {
                 free: Free {
                     heading: false,
                     rates: [false; 3],
+                    trailer: true,
                 },
                 place_m: 1e-6,
                 heading_rad: 1e-6,

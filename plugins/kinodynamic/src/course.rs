@@ -1,6 +1,8 @@
 //! Controls one after the other, and the motion that they make.
 
-use fleetyard_plugin_plane::sssp::bodies::{Leg, Pose};
+use std::rc::Rc;
+
+use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose};
 
 use crate::robot::{Control, Robot, State};
 
@@ -61,7 +63,8 @@ impl Course {
             both.into_iter()
                 .all(|(clamped, own)| (clamped - own).abs() <= 1e-12 * own.abs().max(1.0))
         };
-        self.segments.iter().all(near) && self.states(robot).all(|state| robot.allows(&state.rates))
+        let allowed = |state: State| robot.allows(&state.rates) && robot.allows_joint(&state);
+        self.segments.iter().all(near) && self.states(robot).all(allowed)
     }
 
     /// The motion in straight lines that keep within [`CHORD`] of it.
@@ -71,26 +74,42 @@ impl Course {
 
     /// The motion in straight lines that keep within so many metres and radians of it.
     pub fn track_within(&self, robot: &Robot, distance: f64) -> Track {
-        let mut knots = vec![Knot {
-            time: 0.0,
-            pose: self.start.pose(),
-        }];
         let (mut state, mut time) = (self.start, 0.0);
+        let mut knots = vec![knot(time, state.pose())];
+        let mut behind: Vec<Knot> = Vec::new();
+        let mut tow = |time: f64, state: &State| {
+            if let Some(trailer) = robot.trailer() {
+                behind.push(knot(time, trailer.pose(state.at, state.behind)));
+            }
+        };
+        tow(time, &state);
         for segment in &self.segments {
             let pieces = pieces(robot, &state, segment, distance);
             for piece in 1..=pieces {
                 let after = segment.seconds * (f64::from(piece) / f64::from(pieces));
-                knots.push(Knot {
-                    time: time + after,
-                    pose: robot.after(&state, &segment.control, after).pose(),
-                });
+                let next = robot.after(&state, &segment.control, after);
+                knots.push(knot(time + after, next.pose()));
+                tow(time + after, &next);
             }
             state = robot.after(&state, &segment.control, segment.seconds);
             time += segment.seconds;
         }
-        knots.dedup_by(|next, before| next.time <= before.time);
-        Track { knots }
+        for knots in [&mut knots, &mut behind] {
+            knots.dedup_by(|next, before| next.time <= before.time);
+        }
+        Track {
+            knots,
+            trail: robot.trailer().map(|trailer| Trail {
+                body: Rc::clone(&trailer.body),
+                reach: trailer.reach(),
+                track: Box::new(Track::of(behind)),
+            }),
+        }
     }
+}
+
+fn knot(time: f64, pose: Pose) -> Knot {
+    Knot { time, pose }
 }
 
 /// Most pieces of a segment.
@@ -112,7 +131,13 @@ fn pieces(robot: &Robot, state: &State, segment: &Segment, distance: f64) -> u32
         0.0
     };
     let change = (speed(&changes) + bend).max(changes[2].abs());
-    let pieces = segment.seconds * libm::sqrt(change / (8.0 * distance));
+    let mut pieces = segment.seconds * libm::sqrt(change / (8.0 * distance));
+    if let Some(trailer) = robot.trailer() {
+        let way = segment.control[0] * segment.seconds;
+        let joints = [state, &end].map(|state| state.heading - state.behind);
+        let turn = end.heading - state.heading;
+        pieces = pieces.max(trailer.pieces(turn, way, joints, distance));
+    }
     pieces.ceil().clamp(1.0, MOST_PIECES) as u32
 }
 
@@ -130,13 +155,51 @@ pub struct Knot {
 pub struct Track {
     /// At least one, by ascending time.
     pub knots: Vec<Knot>,
+    /// The motion of what is towed.
+    pub trail: Option<Trail>,
+}
+
+/// A trailer on its way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trail {
+    /// The body.
+    pub body: Rc<Body>,
+    /// Farthest that a point of it is from the origin of its car, in metres.
+    pub reach: f64,
+    /// Its motion.
+    pub track: Box<Track>,
 }
 
 impl Track {
+    /// Of a body that tows nothing.
+    pub fn of(knots: Vec<Knot>) -> Self {
+        Self { knots, trail: None }
+    }
+
     /// A body that stays where it is.
     pub fn rest(pose: Pose) -> Self {
-        Self {
-            knots: vec![Knot { time: 0.0, pose }],
+        Self::of(vec![Knot { time: 0.0, pose }])
+    }
+
+    /// The same, so many seconds later.
+    #[must_use]
+    pub fn later(mut self, seconds: f64) -> Self {
+        self.knots.iter_mut().for_each(|knot| knot.time += seconds);
+        self.trail = self.trail.map(|trail| Trail {
+            track: Box::new(trail.track.later(seconds)),
+            ..trail
+        });
+        self
+    }
+
+    /// Adds a motion that begins where and when this one ends, its times counted from there.
+    pub fn append(&mut self, next: Self) {
+        let begin = self.last().time;
+        let next = next.later(begin);
+        self.knots.extend(next.knots.into_iter().skip(1));
+        if let (Some(own), Some(other)) = (&mut self.trail, next.trail) {
+            let knots = other.track.knots.into_iter();
+            own.track.knots.extend(knots.skip(1));
         }
     }
 

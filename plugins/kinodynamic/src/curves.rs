@@ -40,6 +40,15 @@ impl Curves {
         })
     }
 
+    /// The same with arcs of at least this radius, in metres.
+    #[must_use]
+    pub fn wider(&self, radius: f64) -> Self {
+        Self {
+            radius: radius.max(self.radius),
+            ..*self
+        }
+    }
+
     /// Seconds of the quickest motion, and its controls.
     pub fn quickest(&self, from: &Pose, to: &Pose) -> Option<(f64, Vec<Segment>)> {
         let (seconds, word) = self.word(from, to)?;

@@ -4,6 +4,7 @@
 //! planner says of where they lead is believed.
 //!
 //! - [`robot`]: robots, their states, and where controls lead;
+//! - [`car`]: what steering and a trailer add to a robot;
 //! - [`course`]: controls one after the other, and the motion that they make;
 //! - [`steer`]: controls from rest to rest; [`curves`]: the quickest ones of wheels;
 //! - [`primitives`]: short motions that join exactly; [`search`]: planners that put them together;
@@ -15,6 +16,7 @@
 //! - [`plugin`]: the planners behind the contract.
 #![forbid(unsafe_code)]
 
+pub mod car;
 pub mod course;
 pub mod curves;
 pub mod hybrid;

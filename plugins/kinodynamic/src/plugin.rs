@@ -12,13 +12,13 @@ use fleetyard_abi::{
 };
 use fleetyard_plugin_plane::plugin::robots::world;
 use fleetyard_plugin_plane::prioritised::World;
-use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Space, together};
+use fleetyard_plugin_plane::sssp::bodies::{Body, Space};
 use fleetyard_plugin_spacetime::plugin::{Call, described, parse};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
 use crate::course::{Course, Track};
-use crate::robot::{DYNAMICS, Free, Goal, Robot, State};
+use crate::robot::{CARS, DYNAMICS, Free, Goal, Robot, State};
 use crate::scene::{Scene, clash, is_clear};
 
 pub mod cbs_rrt;
@@ -38,6 +38,8 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     const NAME: &'static str;
     /// The method in a sentence or two, with its source.
     const ABOUT: &'static str;
+    /// Names of the dynamics of robots that it plans for, besides [`DYNAMICS`].
+    const MORE_DYNAMICS: &'static [&'static str] = &[];
     /// Capabilities besides [`Capability::Continuous`], [`Capability::Dynamics`] and [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
 
@@ -94,6 +96,29 @@ pub struct Member {
     pub body: Body,
     /// Obstacles that stand, as its body sees them with the distance that it keeps.
     pub space: Rc<Space>,
+    /// The same, as its trailer sees them.
+    pub behind: Option<Rc<Space>>,
+}
+
+impl Member {
+    /// The robot, and what it tows, are clear of what stands.
+    pub fn is_free(&self, state: &State) -> bool {
+        is_free(&self.robot, (&self.space, self.behind.as_deref()), state)
+    }
+
+    /// A motion touches nothing that stands.
+    pub fn is_clear(&self, track: &Track) -> bool {
+        let trail = track.trail.as_ref().zip(self.behind.as_ref());
+        is_clear(&self.space, track)
+            && trail.is_none_or(|(trail, space)| is_clear(space, &trail.track))
+    }
+}
+
+fn is_free(robot: &Robot, (space, behind): (&Space, Option<&Space>), state: &State) -> bool {
+    let trailer = robot.trailer().zip(behind);
+    space.is_free(&state.pose())
+        && trailer
+            .is_none_or(|(trailer, space)| space.is_free(&trailer.pose(state.at, state.behind)))
 }
 
 /// The reason why courses are no plan.
@@ -143,13 +168,14 @@ impl<'a> Team<'a> {
             .map(|agent| task(instance, agent))
             .collect::<Result<_, _>>()?;
         let touches = |one: &(Robot, State, Goal), other: &(Robot, State, Goal), distance: f64| {
+            let robots = [one, other].map(|(robot, _, _)| grown(robot, distance / 2.0));
             let bodies = [one, other].map(|(robot, _, _)| robot.body.grown(distance / 2.0));
-            let rest = |state: &State| Leg::rest(state.pose(), 1.0);
-            let starts = [one, other].map(|(_, start, _)| rest(start));
-            let goals = [one, other].map(|(_, _, goal)| rest(&goal.state));
-            [starts, goals]
-                .iter()
-                .any(|[a, b]| together(&bodies[0], a, &bodies[1], b).is_some())
+            let touch = |states: [&State; 2]| {
+                let rests = |number: usize| Course::stay(*states[number]).track(&robots[number]);
+                let (own, others) = (rests(0), rests(1));
+                clash((&bodies[0], &own), (&bodies[1], &others), 0.0, 1.0).is_some()
+            };
+            touch([&one.1, &other.1]) || touch([&one.2.state, &other.2.state])
         };
         let mut members: Vec<Member> = Vec::with_capacity(tasks.len());
         let mut spaces: Vec<Rc<Space>> = Vec::new();
@@ -164,24 +190,32 @@ impl<'a> Team<'a> {
                     .clone()
                     .any(|(_, other)| touches(own, other, distance))
             });
-            let mut space_of = |distance: f64| {
-                let grown = robot.body.grown(distance);
+            let mut space_of = |body: &Body, distance: f64| {
+                let grown = body.grown(distance);
                 let known = spaces.iter().find(|space| space.body == grown).cloned();
                 known.unwrap_or_else(|| {
-                    spaces.push(scene.space(&robot.body, distance));
+                    spaces.push(scene.space(body, distance));
                     spaces[spaces.len() - 1].clone()
                 })
             };
+            let towed = robot.trailer().map(|trailer| Rc::clone(&trailer.body));
+            let mut spaces_of = |distance: f64| {
+                let own = space_of(&robot.body, distance);
+                let behind = towed.as_ref().map(|body| space_of(body, distance));
+                (own, behind)
+            };
             let from_walls = shrinking(clearance, |distance| {
-                let space = space_of(distance);
+                let (own, behind) = spaces_of(distance);
                 let ends = [*start, goal.state];
-                let poses = ends.iter().map(State::pose);
-                poses.into_iter().all(|pose| space.is_free(&pose))
+                let mut ends = ends.iter();
+                ends.all(|state| is_free(robot, (&own, behind.as_deref()), state))
             });
+            let (space, behind) = spaces_of(from_walls);
             members.push(Member {
                 body: robot.body.grown(apart / 2.0),
-                space: space_of(from_walls),
-                robot: robot.clone(),
+                space,
+                behind,
+                robot: grown(robot, apart / 2.0),
                 start: *start,
                 goal: *goal,
             });
@@ -221,7 +255,7 @@ impl<'a> Team<'a> {
             return Err(Fault::Limits(agent));
         }
         let track = course.track(&member.robot);
-        if !is_clear(&member.space, &track) {
+        if !member.is_clear(&track) {
             return Err(Fault::Wall(agent));
         }
         if !self.scene.is_clear_of_movers(&member.body, &track, true) {
@@ -266,6 +300,15 @@ impl<'a> Team<'a> {
     }
 }
 
+/// A robot whose trailer is larger by a distance on all sides.
+fn grown(robot: &Robot, distance: f64) -> Robot {
+    let mut grown = robot.clone();
+    if let Some(trailer) = grown.car.as_mut().and_then(|car| car.trailer.as_mut()) {
+        trailer.body = Rc::new(trailer.body.grown(distance));
+    }
+    grown
+}
+
 /// The clearance, or what is left of it where there is less room.
 fn shrinking(clearance: f64, mut fits: impl FnMut(f64) -> bool) -> f64 {
     let tried = [1.0, 0.5, 0.25, 0.1].map(|part| part * clearance);
@@ -306,6 +349,7 @@ fn task(instance: &Instance, agent: usize) -> Result<(Robot, State, Goal), Failu
             free: Free {
                 heading: true,
                 rates: [true; 3],
+                trailer: true,
             },
             place_m: f64::INFINITY,
             heading_rad: instance.goal_tolerance_rad,
@@ -343,7 +387,8 @@ impl<M: Method> Plugin for InStates<M> {
             Capability::Deterministic,
         ];
         let names = (M::ID, M::NAME);
-        let features = DYNAMICS.iter().map(|name| format!("dynamics:{name}"));
+        let known = DYNAMICS.iter().chain(M::MORE_DYNAMICS);
+        let features = known.map(|name| format!("dynamics:{name}"));
         Descriptor {
             features: features.collect(),
             ..described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
@@ -374,6 +419,14 @@ impl<M: Method> Planner for InStates<M> {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
+        let other = |robot: &&fleetyard_abi::Robot| {
+            let name = &&*robot.dynamics;
+            CARS.contains(name) && !M::MORE_DYNAMICS.contains(name)
+        };
+        if let Some(robot) = instance.robots.iter().find(other) {
+            let reason = format!("the dynamics `{}` are not planned for", robot.dynamics);
+            return Err(Failure::new(Status::Unsupported, reason));
+        }
         let team = Team::new(world, instance, self.0.clearance_m())?;
         self.0.solve(&team, &Call::new(budget, sink))
     }

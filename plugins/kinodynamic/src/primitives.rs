@@ -52,6 +52,9 @@ const DIRECTIONS: [u32; 2] = [8, 16];
 /// A turn in one step by more than this, in radians, has smaller ones beside it.
 const COARSE_RAD: f64 = 0.3;
 
+/// The slower way of a car is held for up to so many steps.
+const LONGEST: f64 = 8.0;
+
 /// Most levels above zero.
 const MOST_LEVELS: f64 = 64.0;
 
@@ -146,6 +149,10 @@ impl Primitives {
             let stands = travel.iter().all(|rate| *rate == 0.0);
             // Turning on the spot by less is no use, nor is staying.
             let parts = &parts[..if stands { 1 } else { parts.len() }];
+            let [right, left] = match &robot.car {
+                Some(car) => [-1.0, 1.0].map(|way| way * car.curvature * travel[0].abs()),
+                None => [right, left],
+            };
             let turns = parts.iter().flat_map(|part| [left * part, right * part]);
             let straight = (!stands).then_some(0.0);
             for turn in straight.into_iter().chain(turns) {
@@ -156,10 +163,16 @@ impl Primitives {
                 }
             }
         }
+        let top = robot.top_speed();
         let held = controls.into_iter().map(|control| {
+            // A car that backs slowly would not leave the states that count as the same.
+            let longer = match &robot.car {
+                Some(_) => (top / control[0].abs()).min(LONGEST),
+                None => 1.0,
+            };
             let segment = Segment {
                 control,
-                seconds: self.step,
+                seconds: self.step * longer,
             };
             self.primitive([0; 3], [0; 3], vec![segment])
         });

@@ -9,7 +9,9 @@ use fleetyard_abi::Limit;
 use fleetyard_plugin_plane::Vector;
 use fleetyard_plugin_plane::sssp::bodies::{Body, Pose, wrapped};
 
-/// Names of the dynamics that are known.
+use crate::car::{Car, Trailer};
+
+/// Names of the dynamics that all planners know.
 pub const DYNAMICS: [&str; 6] = [
     "fleetyard.single-integrator/1",
     "fleetyard.double-integrator/1",
@@ -18,6 +20,9 @@ pub const DYNAMICS: [&str; 6] = [
     "fleetyard.holonomic/1",
     "fleetyard.holonomic-2/1",
 ];
+
+/// Names of the dynamics of cars, with a trailer and without.
+pub const CARS: [&str; 2] = ["fleetyard.car/1", "fleetyard.car-trailer/1"];
 
 /// Rates, or their changes: along the first axis, along the second one, and of the heading; m/s and rad/s, or m/s² and rad/s².
 pub type Control = [f64; 3];
@@ -43,15 +48,18 @@ pub struct State {
     pub heading: f64,
     /// As [`Control`], in the order of the robot's axes.
     pub rates: [f64; 3],
+    /// The heading of its trailer, not wrapped; as its own where a robot has none.
+    pub behind: f64,
 }
 
 impl State {
-    /// At rest.
+    /// At rest, with a trailer in line.
     pub fn rest(at: Vector, heading: f64) -> Self {
         Self {
             at,
             heading,
             rates: [0.0; 3],
+            behind: heading,
         }
     }
 
@@ -86,6 +94,8 @@ pub struct Robot {
     pub rates: [[f64; 2]; 3],
     /// Least and most change of each rate; zeros of an axis that it does not have, and of a robot of first order.
     pub changes: [[f64; 2]; 3],
+    /// It steers: its turn rate is bounded by its speed.
+    pub car: Option<Car>,
 }
 
 impl Robot {
@@ -95,7 +105,9 @@ impl Robot {
             // Any motion will do.
             "" | "fleetyard.single-integrator/1" => (false, false, true),
             "fleetyard.double-integrator/1" => (false, true, true),
-            "fleetyard.unicycle/1" => (true, false, false),
+            "fleetyard.unicycle/1" | "fleetyard.car/1" | "fleetyard.car-trailer/1" => {
+                (true, false, false)
+            }
             "fleetyard.unicycle-2/1" => (true, true, false),
             "fleetyard.holonomic/1" => (true, false, true),
             "fleetyard.holonomic-2/1" => (true, true, true),
@@ -104,7 +116,7 @@ impl Robot {
         if turns_axes && !robot.has_heading {
             return Err(format!("dynamics `{}` without a heading", robot.dynamics));
         }
-        let pose = if robot.has_heading { 3 } else { 2 };
+        let pose = 2 + usize::from(robot.has_heading) + usize::from(robot.dynamics == CARS[1]);
         let of_pose = robot.state_limits.iter().take(pose);
         if of_pose.flatten().any(Option::is_some) {
             return Err("limits of places and headings are not supported".to_owned());
@@ -132,7 +144,20 @@ impl Robot {
                 [least.unwrap_or(-UNLIMITED), most.unwrap_or(UNLIMITED)]
             })
         };
-        let controls = spread(&robot.control_limits);
+        let mut controls = spread(&robot.control_limits);
+        let car = if CARS.contains(&&*robot.dynamics) {
+            let [right, left] = controls[2];
+            let car = Car::new(&robot.parameters, left.min(-right));
+            let is_towing = robot.dynamics == CARS[1];
+            let car = car.filter(|car| car.trailer.is_some() == is_towing);
+            Some(car.ok_or_else(|| format!("parameters that are none of `{}`", robot.dynamics))?)
+        } else {
+            None
+        };
+        if let Some(car) = &car {
+            let most = car.curvature * greatest(controls[0]);
+            controls[2] = [-most, most];
+        }
         let corners = robot.footprint.corners_m.iter();
         Ok(Self {
             body: Body {
@@ -156,6 +181,7 @@ impl Robot {
                 controls
             },
             changes: if is_second { controls } else { [[0.0; 2]; 3] },
+            car,
         })
     }
 
@@ -181,7 +207,34 @@ impl Robot {
         } else {
             self.polar_rates
         };
-        within(control, self.controls(), polar)
+        let mut near = within(control, self.controls(), polar);
+        if let Some(car) = &self.car {
+            let most = car.curvature * near[0].abs();
+            near[2] = near[2].clamp(-most, most);
+        }
+        near
+    }
+
+    /// The trailer that it tows.
+    pub fn trailer(&self) -> Option<&Trailer> {
+        self.car.as_ref()?.trailer.as_ref()
+    }
+
+    /// Bounds from below of its ways are far off: it has to speed up and slow down, or to keep a joint from bending too far.
+    pub fn is_hard_to_bound(&self) -> bool {
+        self.is_second || self.trailer().is_some()
+    }
+
+    /// Its trailer, if there is one, is not bent too far.
+    pub fn allows_joint(&self, state: &State) -> bool {
+        let trailer = self.trailer();
+        trailer.is_none_or(|trailer| trailer.allows(state.heading, state.behind))
+    }
+
+    /// Farthest that a point of it, or of its trailer, is from its origin, in metres.
+    pub fn span(&self, body: &Body) -> f64 {
+        let trailer = self.trailer().map_or(0.0, Trailer::reach);
+        body.radius.max(trailer)
     }
 
     /// The nearest rates within the limits; of a robot of first order there are none.
@@ -240,13 +293,21 @@ impl Robot {
                 along
             }
         };
+        let heading = state.heading + turn;
         State {
             at: state.at + way,
-            heading: state.heading + turn,
+            heading,
             rates: if self.is_second {
                 at(seconds)
             } else {
                 [0.0; 3]
+            },
+            behind: match self.trailer() {
+                Some(trailer) => {
+                    let headings = [state.heading, heading];
+                    trailer.after(state.behind, headings, rates[0] * seconds)
+                }
+                None => heading,
             },
         }
     }
@@ -277,6 +338,9 @@ impl Robot {
 
     /// The numbers of a control that the contract asks for.
     pub fn numbers(&self, control: &Control) -> Vec<f64> {
+        if let Some(car) = &self.car {
+            return vec![control[0], car.steering(control[0], control[2])];
+        }
         let there = control.iter().zip(self.axes());
         there
             .filter_map(|(number, there)| there.then_some(*number))
@@ -289,6 +353,11 @@ impl Robot {
         let mut any = |there: bool| if there { rest.next() } else { Some(0.0) };
         let at = Vector::new(any(true)?, any(true)?);
         let heading = any(self.has_heading)?;
+        let behind = if self.trailer().is_some() {
+            any(true)?
+        } else {
+            heading
+        };
         let mut rates = [0.0; 3];
         for (rate, there) in rates.iter_mut().zip(self.axes()) {
             *rate = any(there && self.is_second)?;
@@ -296,12 +365,18 @@ impl Robot {
         let free = Free {
             heading: heading.is_nan() || !self.has_heading,
             rates: rates.map(f64::is_nan),
+            trailer: behind.is_nan() || self.trailer().is_none(),
         };
         let known = |number: f64| if number.is_nan() { 0.0 } else { number };
         let state = State {
             at,
             heading: known(heading),
             rates: rates.map(known),
+            behind: if behind.is_nan() {
+                known(heading)
+            } else {
+                behind
+            },
         };
         (at.x.is_finite() && at.y.is_finite()).then_some((state, free))
     }
@@ -314,6 +389,8 @@ pub struct Free {
     pub heading: bool,
     /// Rates.
     pub rates: [bool; 3],
+    /// The heading of the trailer.
+    pub trailer: bool,
 }
 
 /// A state that a robot has to come to rest in.
@@ -350,7 +427,11 @@ impl Goal {
     /// A state is within the tolerances, or misses it by rounding where there are none.
     pub fn is_reached(&self, state: &State) -> bool {
         let (place, turn, rates) = self.missed(state);
-        place.norm() <= self.place_m.max(MISSED)
+        let behind = wrapped(state.behind - self.state.behind).abs();
+        // The host integrates by itself, and rounds otherwise.
+        let near = (self.heading_rad * (1.0 - 1e-6)).max(MISSED);
+        (self.free.trailer || behind <= near)
+            && place.norm() <= self.place_m.max(MISSED)
             && turn.abs() <= self.heading_rad.max(MISSED)
             && rates.iter().all(|rate| rate.abs() <= self.rate.max(MISSED))
     }

@@ -47,7 +47,7 @@ impl<'a> Scene<'a> {
                     radius: mover.radius,
                     corners: Vec::new(),
                 },
-                track: Track { knots },
+                track: Track::of(knots),
             }
         };
         Self {
@@ -80,8 +80,26 @@ pub fn is_clear(space: &Space, track: &Track) -> bool {
     space.is_free(&track.knots[0].pose) && track.legs().all(|leg| space.is_clear(&leg))
 }
 
-/// The first time from `from` on and before `until` at which two bodies touch. Both rest after their last knots.
-pub fn clash(
+/// The first time from `from` on and before `until` at which two bodies, or what they tow, touch. All rest after their last knots.
+pub fn clash(one: (&Body, &Track), other: (&Body, &Track), from: f64, until: f64) -> Option<f64> {
+    let mut first: Option<f64> = None;
+    for own in parts(one) {
+        for others in parts(other) {
+            let until = first.unwrap_or(until);
+            first = clash_of(own, others, from, until).or(first);
+        }
+    }
+    first
+}
+
+/// A body and what it tows.
+fn parts<'a>((body, track): (&'a Body, &'a Track)) -> impl Iterator<Item = (&'a Body, &'a Track)> {
+    let trail = track.trail.iter();
+    let trail = trail.map(|trail| (&*trail.body, &*trail.track));
+    std::iter::once((body, track)).chain(trail)
+}
+
+fn clash_of(
     (body, track): (&Body, &Track),
     (other, other_track): (&Body, &Track),
     from: f64,

@@ -41,6 +41,10 @@ pub fn steer(robot: &Robot, from: &Pose, to: &Pose, heading_free: bool) -> Optio
         };
         return proportional(robot, &[along.x, along.y, turn]);
     }
+    // A car does not turn where it stands.
+    if robot.car.is_some() {
+        return None;
+    }
     // Of driving ahead and back what is sooner.
     let distance = way.norm();
     let direction = if distance > 0.0 {

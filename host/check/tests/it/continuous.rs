@@ -73,6 +73,7 @@ fn every_rule() {
         },
         turn_rad_per_s: 1.5,
         turn_acceleration_rad_per_s2: 15.0,
+        curvature_rad_per_m: f64::INFINITY,
     }; 2];
     let task = ContinuousTask {
         starts: Some(&starts),
@@ -123,6 +124,7 @@ fn an_instant_reversal_and_too_fast_an_axis_are_refused() {
         },
         turn_rad_per_s: f64::INFINITY,
         turn_acceleration_rad_per_s2: f64::INFINITY,
+        curvature_rad_per_m: f64::INFINITY,
     }];
     let shapes = [&disc];
     let task = ContinuousTask {

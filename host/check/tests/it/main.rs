@@ -6,3 +6,4 @@ mod oracle;
 mod paths;
 mod roadmaps;
 mod rules;
+mod trailers;

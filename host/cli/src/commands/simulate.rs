@@ -173,6 +173,8 @@ struct Scene {
     fleet: Option<Fleet>,
     /// Headings of a task's robots at their starts, where it gives them.
     headings: Vec<Option<f64>>,
+    /// The same of their trailers.
+    trailers: Vec<Option<f64>>,
     roadmap: Option<Arc<Roadmap>>,
     plan: AnyPlan,
     /// The plan on a grid as straight lines, if it is meant so.
@@ -206,6 +208,7 @@ impl Scene {
             workspace,
             fleet,
             headings: Vec::new(),
+            trailers: Vec::new(),
             roadmap,
             plan,
             lines,
@@ -225,6 +228,7 @@ impl Scene {
             plan: AnyPlan::Trajectories(judgement.lifted(plan)?),
             roadmap: judgement.roadmap(),
             headings: judgement.problem.start_headings(),
+            trailers: judgement.problem.trailer_headings(),
             workspace: Some(judgement.problem.world),
             fleet: Some(judgement.problem.fleet),
             lines: None,
@@ -239,7 +243,9 @@ const DESCRIBED: usize = 100;
 pub(crate) fn simulate(arguments: &Simulate) -> Result<Exit> {
     let config = config(arguments);
     let scene = Scene::load(arguments, &config)?;
-    let mut simulator = Simulator::new(&config).facing(&scene.headings);
+    let mut simulator = Simulator::new(&config)
+        .facing(&scene.headings)
+        .towing(&scene.trailers);
     if let Some(grid) = &scene.grid {
         simulator = simulator.on_grid(grid);
     }

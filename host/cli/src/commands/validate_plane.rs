@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use fleetyard_check::{
-    ContinuousTask, ContinuousVerdict, PathRule, TravelCosts, validate_trajectories,
+    ContinuousTask, ContinuousVerdict, PathRule, TrailerTask, TravelCosts, validate_trajectories,
 };
 use fleetyard_core::formats::AnyPlan;
 use fleetyard_core::{
@@ -14,7 +14,7 @@ use fleetyard_core::{
 use fleetyard_sim::SimConfig;
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_world::exact::Obstacles;
-use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, load_workspace};
+use fleetyard_world::{Bounds, Dynamics, Footprint, Pose, Shape, Trailer, load_workspace};
 use serde::Serialize;
 
 use super::verdict::{write_costs, write_world};
@@ -104,6 +104,7 @@ pub(super) fn judge(
         starts: starts.as_deref(),
         goals: goals.as_deref(),
         limits: robots.limits.as_deref(),
+        trailers: &robots.towed(plan),
         ..ContinuousTask::new(&shapes, &obstacles)
     };
     Ok(Report {
@@ -169,6 +170,7 @@ fn in_the_plane(
 struct Robots {
     shapes: Vec<Shape>,
     limits: Option<Vec<Dynamics>>,
+    trailers: Vec<Option<(Trailer, Shape)>>,
 }
 
 impl Robots {
@@ -181,6 +183,7 @@ impl Robots {
             return Ok(Self {
                 shapes: vec![shape; agents],
                 limits: None,
+                trailers: Vec::new(),
             });
         };
         let fleet = load_fleet(path)?.fleet(agents).map_err(|error| {
@@ -192,7 +195,27 @@ impl Robots {
                 .map(|agent| fleet.shape(agent).clone())
                 .collect(),
             limits: Some(limits.collect()),
+            trailers: (0..agents)
+                .map(|agent| {
+                    let own = fleet.trailer(agent);
+                    own.map(|(trailer, shape)| (trailer, shape.clone()))
+                })
+                .collect(),
         })
+    }
+
+    /// Trailers that begin in line with their cars.
+    fn towed(&self, plan: &TrajectoryPlan) -> Vec<Option<TrailerTask<'_>>> {
+        let trailers = self.trailers.iter().zip(plan.paths());
+        let task = trailers.map(|(own, knots)| {
+            own.as_ref().map(|(trailer, shape)| TrailerTask {
+                trailer: *trailer,
+                shape,
+                start_rad: knots.get(0).heading_rad.unwrap_or(0.0),
+                goal_rad: f64::NAN,
+            })
+        });
+        task.collect()
     }
 }
 

@@ -38,10 +38,13 @@
 //! | 2 | x, y | single integrator |
 //! | 3 | x, y, heading | unicycle of first order |
 //! | 4 | x, y, and two velocities | double integrator |
+//! | 4 | x, y, heading, trailer heading | car with a trailer |
 //! | 5 | x, y, heading, speed, turn rate | unicycle of second order |
 //!
-//! A car with a trailer has four as well and cannot be told apart: what is kept of it are
-//! the positions of the car. Headings are unwrapped: each is the nearest to the one before
+//! Which of the two that have four numbers a robot is, its motion says: a double integrator goes by its
+//! velocities from state to state, a car where it heads; one that never moves is taken for a double
+//! integrator. A trailer follows from its heading at the start and from the motion of its car, so that
+//! the heading of a trailer is no part of a plan. Headings are unwrapped: each is the nearest to the one before
 //! that means the same direction. Where only some robots have headings, the others get 0.
 
 use std::f64::consts::TAU;
@@ -62,6 +65,9 @@ const LONGEST: usize = 64;
 
 /// One robot's states: position, heading if it has one, and the place in the text.
 type States = Vec<((f64, f64), Option<f64>, Marker)>;
+
+/// A state of four numbers.
+type Four = [f64; 4];
 
 /// One robot's states, and its actions in between or none.
 type Motion = (States, Vec<Vec<f64>>);
@@ -178,6 +184,7 @@ pub fn read_dynobench(source: &str, bytes: &[u8]) -> Result<TrajectoryPlan, Inpu
 fn read_states(yaml: &mut Yaml<'_>, place: Marker) -> Result<States, InputError> {
     let mut states = States::new();
     let mut dimension = 0;
+    let mut fours: Vec<Four> = Vec::new();
     yaml.list("a list of states", |yaml| {
         let mut state = Vec::with_capacity(5);
         let place = yaml.list("a state [x, y, …]", |yaml| {
@@ -194,6 +201,9 @@ fn read_states(yaml: &mut Yaml<'_>, place: Marker) -> Result<States, InputError>
             return Err(yaml.error(place, reason));
         }
         dimension = numbers;
+        if let Ok(four) = Four::try_from(&state[..]) {
+            fours.push(four);
+        }
         let heading = match state[..] {
             [_, _] | [_, _, _, _] => None,
             [_, _, heading] | [_, _, heading, _, _] => Some(heading),
@@ -212,7 +222,33 @@ fn read_states(yaml: &mut Yaml<'_>, place: Marker) -> Result<States, InputError>
             .error(place, "the robot has no states")
             .hint("the planner found no plan"));
     }
+    if is_car(&fours) {
+        for ((_, heading, _), four) in states.iter_mut().zip(&fours) {
+            *heading = Some(four[2]);
+        }
+    }
     Ok(states)
+}
+
+/// States of four numbers that go where the third one heads rather than by the third and the fourth.
+fn is_car(states: &[Four]) -> bool {
+    let (mut by_velocity, mut by_heading) = (0.0, 0.0);
+    for pair in states.windows(2) {
+        let [from, to] = [pair[0], pair[1]];
+        let (x, y) = (to[0] - from[0], to[1] - from[1]);
+        // By the velocity before, after, or between, as a program integrates.
+        let off = |share: f64| {
+            let part =
+                |at: usize| (from[at] + (to[at] - from[at]) * share) / DYNOBENCH_STATES_PER_S;
+            let (x, y) = (x - part(2), y - part(3));
+            x * x + y * y
+        };
+        by_velocity += off(0.0).min(off(0.5)).min(off(1.0));
+        let (sin, cos) = libm::sincos(f64::midpoint(from[2], to[2]));
+        let aside = y * cos - x * sin;
+        by_heading += aside * aside;
+    }
+    by_heading < by_velocity
 }
 
 fn read_actions(yaml: &mut Yaml<'_>) -> Result<Vec<Vec<f64>>, InputError> {

@@ -611,6 +611,59 @@ fn results_of_dynobench() {
     fails(read("cost: 1\n"), "a.yaml:1:1: there is no key `result`");
 }
 
+/// States of four numbers are of a car with a trailer or of a double integrator, as they move.
+#[test]
+fn cars_with_trailers_of_dynobench_are_told_from_double_integrators() {
+    let text = |states: &[[f64; 4]], actions: &[[f64; 2]]| {
+        format!("result:\n  - states: {states:?}\n    actions: {actions:?}\n")
+    };
+    let read = |text: &str| read_dynobench("a.yaml", text.as_bytes()).unwrap();
+    // By steps of Euler, as the program makes them.
+    let actions: [[f64; 2]; 5] = [
+        [0.5, 0.6],
+        [0.5, 0.6],
+        [0.3, -1.0],
+        [-0.1, 0.2],
+        [-0.1, 0.0],
+    ];
+    for heading in [0.0, 0.1, 2.0, -3.1] {
+        let mut states: Vec<[f64; 4]> = vec![[1.0, 2.0, heading, heading - 0.2]];
+        for [speed, steering] in actions {
+            let [x, y, own, behind] = states[states.len() - 1];
+            states.push([
+                x + 0.1 * speed * own.cos(),
+                y + 0.1 * speed * own.sin(),
+                own + 0.1 * speed / 0.25 * steering.tan(),
+                behind + 0.1 * speed / 0.5 * (own - behind).sin(),
+            ]);
+        }
+        let plan = read(&text(&states, &actions));
+        assert!(plan.has_headings());
+        for (knot, state) in plan.knots(0).iter().zip(&states) {
+            assert!((knot.heading_rad.unwrap() - state[2]).abs() < 1e-12);
+        }
+        let controls = plan.controls().unwrap();
+        let told: Vec<&[f64]> = controls.of(0).map(|segment| segment.control).collect();
+        assert_eq!(told, actions);
+    }
+    let pushes = [
+        [2.0, 0.0],
+        [2.0, -2.0],
+        [-2.0, -2.0],
+        [0.0, 2.0],
+        [-2.0, 2.0],
+    ];
+    for [vx, vy] in [[0.0, 0.0], [0.4, 0.0], [0.1, -0.3]] {
+        let mut states = vec![[1.0, 2.0, vx, vy]];
+        for [ax, ay] in pushes {
+            let [x, y, vx, vy] = states[states.len() - 1];
+            states.push([x + 0.1 * vx, y + 0.1 * vy, vx + 0.1 * ax, vy + 0.1 * ay]);
+        }
+        assert!(!read(&text(&states, &pushes)).has_headings());
+    }
+    assert!(!read(&text(&[[1.0, 2.0, 0.0, 0.0]], &[])).has_headings());
+}
+
 #[test]
 fn every_kind_of_file_is_recognised() {
     let guess = |text: &str| Format::guess(Path::new("a"), text.as_bytes());

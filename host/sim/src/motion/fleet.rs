@@ -1,6 +1,6 @@
 //! Fleets: footprint and motion model of every robot.
 
-use fleetyard_world::{Footprint, FootprintError, Shape};
+use fleetyard_world::{Footprint, FootprintError, Shape, Trailer};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -119,6 +119,8 @@ impl<'de> Deserialize<'de> for Profile {
 pub struct Fleet {
     profiles: Vec<Profile>,
     shapes: Vec<Shape>,
+    /// Of the profile of a car that tows one.
+    trailers: Vec<Option<(Trailer, Shape)>>,
     profile_of: Vec<u32>,
 }
 
@@ -126,9 +128,14 @@ impl Fleet {
     /// Checks every profile and every index.
     pub fn new(profiles: Vec<Profile>, profile_of: Vec<u32>) -> Result<Self, FleetError> {
         let mut shapes = Vec::with_capacity(profiles.len());
+        let mut trailers = Vec::with_capacity(profiles.len());
         for profile in &profiles {
             profile.model.validate()?;
             shapes.push(profile.footprint.shape()?);
+            trailers.push(match profile.model.trailer() {
+                Some(trailer) => Some((trailer, trailer.shape()?)),
+                None => None,
+            });
         }
         let known = profiles.len();
         let outside = |profile: &u32| *profile as usize >= known;
@@ -143,6 +150,7 @@ impl Fleet {
         Ok(Self {
             profiles,
             shapes,
+            trailers,
             profile_of,
         })
     }
@@ -182,6 +190,32 @@ impl Fleet {
     /// Motion model of a robot.
     pub fn model(&self, agent: usize) -> &Model {
         &self.profiles[self.profile_of[agent] as usize].model
+    }
+
+    /// Trailer of a robot that tows one, and its body.
+    pub fn trailer(&self, agent: usize) -> Option<(Trailer, &Shape)> {
+        let own = self.trailers[self.profile_of[agent] as usize].as_ref();
+        own.map(|(trailer, shape)| (*trailer, shape))
+    }
+
+    /// True if a robot tows a trailer.
+    pub fn has_trailers(&self) -> bool {
+        (0..self.agents()).any(|agent| self.trailer(agent).is_some())
+    }
+
+    /// Largest distance of a point of a robot, or of what it tows, from its reference point, in metres.
+    pub fn reach_m(&self, agent: usize) -> f64 {
+        let own = self.shape(agent).effective_radius_m();
+        let trailer = self.trailer(agent);
+        trailer.map_or(own, |(trailer, _)| trailer.reach_m().max(own))
+    }
+
+    /// The disc about a robot's reference point that holds it, and what it tows, whatever the headings.
+    pub fn enclosing_disc(&self, agent: usize) -> Shape {
+        let radius_m = self.reach_m(agent);
+        let disc = Footprint::Disc { radius_m };
+        disc.shape()
+            .unwrap_or_else(|_| self.shape(agent).enclosing_disc())
     }
 
     /// Footprint of a robot.

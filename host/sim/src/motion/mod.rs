@@ -10,6 +10,7 @@
 //! `docs/execution.md` describes every model and controller, with the sources of its
 //! numbers.
 
+mod car;
 mod error;
 mod fleet;
 mod fleet_file;
@@ -23,11 +24,12 @@ mod waypoint;
 mod wheeled;
 
 use fleetyard_core::json::with_hint;
-use fleetyard_world::{Dynamics, Travel};
+use fleetyard_world::{Dynamics, Trailer, Travel};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+pub use car::Car;
 pub use error::MotionError;
 pub use fleet::{Fleet, FleetError, Profile};
 pub use fleet_file::{
@@ -70,6 +72,8 @@ pub enum Model {
     Holonomic(Holonomic),
     /// A differential drive under the waypoint law of the maze benchmark.
     WaypointLaw(WaypointLaw),
+    /// Front wheels that steer, and perhaps a trailer; follows plans exactly.
+    Car(Car),
 }
 
 impl Model {
@@ -85,12 +89,13 @@ impl Model {
             Self::DoubleIntegrator(_) => "double-integrator",
             Self::Holonomic(_) => "holonomic",
             Self::WaypointLaw(_) => "waypoint-law",
+            Self::Car(_) => "car",
         }
     }
 
     /// True if bodies follow their reference exactly, without a controller.
     pub fn is_ideal(&self) -> bool {
-        matches!(self, Self::Pebble(_) | Self::Rotation(_))
+        matches!(self, Self::Pebble(_) | Self::Rotation(_) | Self::Car(_))
     }
 
     /// True if a body is off its way by rounding alone.
@@ -110,6 +115,7 @@ impl Model {
             Self::DoubleIntegrator(model) => model.validate(),
             Self::Holonomic(model) => model.validate(),
             Self::WaypointLaw(model) => model.validate(),
+            Self::Car(model) => model.validate(),
         }
     }
 
@@ -130,7 +136,7 @@ impl Model {
     ) {
         let factor = speed_factor;
         match self {
-            Self::Pebble(_) | Self::Rotation(_) => {
+            Self::Pebble(_) | Self::Rotation(_) | Self::Car(_) => {
                 ideal::run(state, target, ticks, dt, factor, visit);
             }
             Self::SingleIntegrator(model) => model.run(state, target, ticks, dt, factor, visit),
@@ -201,7 +207,8 @@ impl Model {
             | Self::Rotation(_)
             | Self::SingleIntegrator(_)
             | Self::Unicycle1(_)
-            | Self::DoubleIntegrator(_) => f64::INFINITY,
+            | Self::DoubleIntegrator(_)
+            | Self::Car(_) => f64::INFINITY,
             Self::DifferentialDrive(model) => model.max_turn_acceleration_rad_per_s2,
             Self::Unicycle2(model) => model.max_turn_acceleration_rad_per_s2,
             Self::Holonomic(model) => model.max_turn_acceleration_rad_per_s2,
@@ -241,7 +248,8 @@ impl Model {
             Self::Pebble(_)
             | Self::Rotation(_)
             | Self::SingleIntegrator(_)
-            | Self::Unicycle1(_) => {
+            | Self::Unicycle1(_)
+            | Self::Car(_) => {
                 return 0.0;
             }
             Self::DifferentialDrive(model) => model.max_deceleration_m_per_s2,
@@ -257,7 +265,7 @@ impl Model {
     /// more.
     pub fn arrival_tolerance_m(&self) -> f64 {
         match self {
-            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) | Self::Car(_) => {
                 SingleIntegrator::TOLERANCE
             }
             Self::DifferentialDrive(model) => model.control.arrival_tolerance_m,
@@ -273,7 +281,7 @@ impl Model {
     /// from rest within the arrival tolerance of a knot.
     pub fn lateral_tolerance_m(&self) -> f64 {
         match self {
-            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) | Self::Car(_) => {
                 SingleIntegrator::TOLERANCE
             }
             Self::DifferentialDrive(model) => model.control.lateral_tolerance_m(),
@@ -322,7 +330,7 @@ impl Model {
     /// A body has arrived if it is within this angle of the requested heading.
     pub fn heading_tolerance_rad(&self) -> f64 {
         match self {
-            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) => {
+            Self::Pebble(_) | Self::Rotation(_) | Self::SingleIntegrator(_) | Self::Car(_) => {
                 SingleIntegrator::TOLERANCE
             }
             Self::DifferentialDrive(model) => model.control.heading_tolerance_rad,
@@ -350,6 +358,7 @@ impl Model {
                 (forward * forward + lateral * lateral).sqrt()
             }
             Self::WaypointLaw(model) => model.max_speed_m_per_s,
+            Self::Car(model) => model.top_speed(),
         }
     }
 
@@ -363,11 +372,20 @@ impl Model {
             Self::DoubleIntegrator(model) => model.max_turn_rate_rad_per_s,
             Self::Holonomic(model) => model.max_turn_rate_rad_per_s,
             Self::WaypointLaw(model) => model.max_turn_rate_rad_per_s,
+            Self::Car(model) => model.curvature() * model.top_speed(),
         }
     }
 }
 
 impl Model {
+    /// The trailer of a car that tows one.
+    pub fn trailer(&self) -> Option<Trailer> {
+        match self {
+            Self::Car(model) => model.trailer,
+            _ => None,
+        }
+    }
+
     /// Limits against which plans are validated.
     pub fn dynamics(&self) -> Dynamics {
         let unlimited = f64::INFINITY;
@@ -434,11 +452,13 @@ impl Model {
                 ),
                 model.turn_up_rad_per_s2.max(model.turn_down_rad_per_s2),
             ),
+            Self::Car(model) => return model.dynamics(),
         };
         Dynamics {
             travel,
             turn_rad_per_s: self.max_turn_rate_rad_per_s(),
             turn_acceleration_rad_per_s2: turn_acceleration,
+            curvature_rad_per_m: unlimited,
         }
     }
 }

@@ -3,10 +3,10 @@
 use core::f64::consts::PI;
 use std::str::FromStr;
 
-use fleetyard_world::Footprint;
+use fleetyard_world::{Footprint, Trailer};
 
 use super::{
-    DifferentialDrive, DoubleIntegrator, Holonomic, Model, MotionError, Pebble, Rotation,
+    Car, DifferentialDrive, DoubleIntegrator, Holonomic, Model, MotionError, Pebble, Rotation,
     SingleIntegrator, TurnAndDrive, Unicycle1, Unicycle2, WaypointLaw,
 };
 
@@ -77,6 +77,12 @@ pub const PRESETS: &[Preset] = &[
         name: "waypoint-law",
         about: "the law of the maze benchmark on a Husky",
         model: || Model::WaypointLaw(WaypointLaw::default()),
+        footprint: None,
+    },
+    Preset {
+        name: "car",
+        about: "the same as dynobench-car",
+        model: || Model::Car(Car::default()),
         footprint: None,
     },
     Preset {
@@ -151,6 +157,23 @@ pub const PRESETS: &[Preset] = &[
         model: || Model::DoubleIntegrator(DoubleIntegrator::default()),
         footprint: None,
     },
+    Preset {
+        name: "dynobench-car",
+        about: "car of dynobench: −0.1 to 0.5 m/s, steers by ±π/3, followed exactly",
+        model: || Model::Car(Car::default()),
+        footprint: Some(|| rectangle(0.5, 0.25)),
+    },
+    Preset {
+        name: "dynobench-car-trailer",
+        about: "the same with its trailer, hitched 0.5 m behind",
+        model: || {
+            Model::Car(Car {
+                trailer: Some(Trailer::default()),
+                ..Car::default()
+            })
+        },
+        footprint: Some(|| rectangle(0.5, 0.25)),
+    },
 ];
 
 fn disc(radius_m: f64) -> Footprint {
@@ -185,7 +208,7 @@ pub(super) fn find(name: &str) -> Result<&'static Preset, MotionError> {
         reason: "is not a model or a preset",
         hint: "use agv, lsmart-effective, go2, spot, anymal-c, pebble, rotation, \
                single-integrator, differential-drive, unicycle-1, unicycle-2, \
-               double-integrator, holonomic or waypoint-law",
+               double-integrator, holonomic, waypoint-law or car",
     })
 }
 

@@ -306,7 +306,12 @@ fn the_contact_tier_drives_the_same_robots() {
 fn every_kind_of_model_is_driven() {
     let driven = MODELS.map(|name| discriminant(&name.parse::<Model>().expect(name)));
     for preset in PRESETS {
-        let kind = discriminant(&(preset.model)());
+        let model = (preset.model)();
+        // Cars follow plans in the plane alone.
+        if matches!(model, Model::Car(_)) {
+            continue;
+        }
+        let kind = discriminant(&model);
         assert!(driven.contains(&kind), "{}", preset.name);
     }
 }

@@ -1,5 +1,6 @@
 //! Executions: motion, gates, contacts, traces, and the digests that all builds share.
 
+mod cars;
 mod common;
 mod contact_world;
 mod driven;

@@ -66,7 +66,9 @@ fn limits_hold(model: &Model, before: &State, after: &State, dt: f64) -> Result<
         1e-9,
     )?;
     match model {
-        Model::Pebble(_) | Model::Rotation(_) | Model::SingleIntegrator(_) => Ok(()),
+        Model::Pebble(_) | Model::Rotation(_) | Model::SingleIntegrator(_) | Model::Car(_) => {
+            Ok(())
+        }
         Model::DifferentialDrive(drive) => {
             most("sideways speed", aside, 0.0)?;
             let limit = if ahead.abs() > ahead_before.abs() {
@@ -526,6 +528,14 @@ fn parameters_that_no_body_has_are_refused() {
     let cases = [
         (r#"{"pebble": {"step_s": 0}}"#, "step_s = 0 is out of range"),
         (r#"{"rotation": {"turn_s": -1}}"#, "turn_s = -1"),
+        (
+            r#"{"car": {"max_steering_rad": 1.6}}"#,
+            "max_steering_rad = 1.6 is out of range",
+        ),
+        (
+            r#"{"car": {"trailer": {"hitch_m": 0}}}"#,
+            "trailer.hitch_m = 0",
+        ),
         (
             r#"{"single-integrator": {"speed_m_per_s": 0}}"#,
             "speed_m_per_s = 0",

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use fleetyard_core::InputError;
-use fleetyard_views::{Problem, load_problem, load_task, read_task, write_task};
+use fleetyard_check::Pace;
+use fleetyard_core::{InputError, Separation};
+use fleetyard_views::{Problem, View, load_problem, load_task, read_task, write_task};
 use fleetyard_world::{load_workspace, write_workspace};
 
 pub(crate) fn maps(name: &str) -> PathBuf {
@@ -71,7 +72,8 @@ fn what_is_wrong_has_its_place() {
         ),
         (
             with(kinds, r#"{"robot": "go", "start": [0], "goal": [1, 1]}"#),
-            "a.task.json:4:39: invalid length 1, expected a place [x, y] or [x, y, heading]",
+            "a.task.json:4:39: invalid length 1, expected a place [x, y] or [x, y, heading], with a \
+             trailer [x, y, heading, trailer heading]",
         ),
         (
             with(
@@ -115,6 +117,87 @@ pub(crate) fn problem_in(obstacle: &str, agents: &str) -> Result<Problem, InputE
     let file = folder.path().join("t.task.json");
     std::fs::write(&file, task).unwrap();
     load_problem(&file)
+}
+
+/// A car with a trailer tells planners of it, and stands nowhere that it cannot.
+#[test]
+fn trailers_are_part_of_tasks() {
+    let problem = load_problem(maps("yard.task.json")).unwrap();
+    let again = read_task("a", &write_task(&problem.task)).unwrap();
+    assert_eq!(again.agents, problem.task.agents);
+    let instance = View::Continuous.instance(
+        &problem,
+        View::Continuous.terms(&problem, Separation::default(), Pace::StopGo, None),
+    );
+    let truck = &instance.robots[0];
+    assert_eq!(truck.dynamics, "fleetyard.car-trailer/1");
+    assert_eq!(truck.parameters[..2], [0.25, 0.5]);
+    assert_eq!(instance.start_states[0].0, [0.9, 0.7, 0.0, 0.0]);
+    let car = &instance.robots[1];
+    assert_eq!(
+        (car.dynamics.as_str(), car.parameters.len()),
+        ("fleetyard.car/1", 1)
+    );
+    assert_eq!(
+        instance.needs_features(),
+        [
+            "dynamics:fleetyard.car-trailer/1",
+            "dynamics:fleetyard.car/1"
+        ]
+    );
+    instance.check(None).unwrap();
+    // r_com is that of the truck, with all that it tows.
+    assert!((problem.common_radius_m() - 0.65f64.hypot(0.125)).abs() < 1e-12);
+
+    let with = |agent: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let world = "yard.world.json";
+        std::fs::copy(maps(world), folder.path().join(world)).unwrap();
+        let task = format!(
+            r#"{{"format": "fleetyard.task/1", "world": "yard.world.json", "agents": [{agent}],
+            "robots": {{"truck": "dynobench-car-trailer", "car": "dynobench-car"}}}}"#
+        );
+        let file = folder.path().join("t.task.json");
+        std::fs::write(&file, task).unwrap();
+        load_problem(&file)
+    };
+    for (agent, reason) in [
+        (
+            r#"{"robot": "car", "start": [1, 1, 0, 0], "goal": [2, 2]}"#,
+            "the start of agent 0 has four numbers, but its robot tows no trailer",
+        ),
+        (
+            r#"{"robot": "truck", "start": [1, 1, 0, 0.9], "goal": [2, 2]}"#,
+            "the start of agent 0 bends the joint to its trailer by 0.9000 rad",
+        ),
+        (
+            r#"{"robot": "truck", "start": [0.5, 1], "goal": [2, 2]}"#,
+            "the start of agent 0 has its trailer 0.1500 m inside an obstacle or the edge",
+        ),
+        (
+            r#"{"robot": "truck", "start": [1, 1], "goal": [3.4, 1, 0, 0.5]}"#,
+            "the goal of agent 0 has its trailer",
+        ),
+        (
+            r#"{"robot": "truck", "start": [1, 1], "goal": [4, 2]},
+               {"robot": "car", "start": [0.5, 1], "goal": [1, 3]}"#,
+            "the starts of agents 0 and 1 overlap by",
+        ),
+    ] {
+        let error = with(agent).unwrap_err();
+        assert!(error.reason.starts_with(reason), "{error}");
+        assert!(error.hint.is_some(), "{error}");
+    }
+    // Without its heading at the goal the trailer may be anyhow.
+    let open = with(r#"{"robot": "truck", "start": [1, 1], "goal": [3.4, 1]}"#).unwrap();
+    let terms = View::Continuous.terms(&open, Separation::default(), Pace::StopGo, None);
+    let instance = View::Continuous.instance(&open, terms);
+    assert!(
+        instance.goal_states.items()[0].0[2..]
+            .iter()
+            .all(|number| number.is_nan())
+    );
+    assert_eq!(instance.start_states[0].0, [1.0, 1.0, 0.0, 0.0]);
 }
 
 #[test]

@@ -394,6 +394,9 @@ impl<'a, M: Motions> Sweep<'a, M> {
         if i >= self.agents || (rest && !self.window.is_first) {
             return;
         }
+        if j < self.agents && self.bodies.motions.are_joined(i, j) {
+            return;
+        }
         let ends = [self.from[i], self.to[i], self.from[j], self.to[j]];
         if self.path[i] != Path::Bent && self.path[j] != Path::Bent {
             self.touch(self.window, i, j, ends);

@@ -21,6 +21,11 @@ pub trait Motions {
     /// The pose at a knot.
     fn pose(&self, agent: usize, knot: usize) -> Pose;
 
+    /// True if two agents are parts of one robot, which may touch.
+    fn are_joined(&self, _: usize, _: usize) -> bool {
+        false
+    }
+
     /// The time between knots, if there is one for all: it spares the checker to
     /// look into parts of a step.
     fn step_s(&self) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! Motions by controls agree with an integration in small steps, chords keep to their bounds, and
 //! limits and nonsense are told.
 
-use fleetyard_core::{ControlPlan, Knot, Robot};
+use fleetyard_core::{ControlPlan, Knot, Robot, TrajectoryPlan};
 use fleetyard_world::{
     Bounded, CHORD_M, CHORD_RAD, ControlError, ControlExcess, ControlModel, Driven, Dynamics,
     Travel,
@@ -387,6 +387,102 @@ fn dynamics_are_those_that_are_declared() {
         },
         turn_rad_per_s: 1.0,
         turn_acceleration_rad_per_s2: 3.0,
+        curvature_rad_per_m: f64::INFINITY,
     };
     assert_eq!(dynamics, expected);
+}
+
+/// A car of dynobench with its trailer.
+fn truck() -> Robot {
+    serde_json::from_value(json!({
+        "footprint": {"radius_m": 0.28}, "dynamics": "fleetyard.car-trailer/1", "has_heading": true,
+        "state_limits": [[null, null], [null, null], [null, null], [null, null]],
+        "control_limits": [[-0.1, 0.5], [-1.05, 1.05]],
+        "parameters": [0.25, 0.5, 0.3, 0.25, 0.79],
+    }))
+    .unwrap()
+}
+
+#[test]
+fn cars_and_trailers_agree_with_fine_integration() {
+    let segments: [(f64, [f64; 2]); 5] = [
+        (1.3, [0.5, 0.4]),
+        (0.7, [0.3, -0.9]),
+        (2.0, [-0.1, 0.3]),
+        (1.0, [0.0, 0.5]),
+        (1.5, [0.5, 0.0]),
+    ];
+    let start = [1.0, -2.0, 0.5, 0.2];
+    // Steps of Runge and Kutta.
+    let rates = |[_, _, heading, behind]: [f64; 4], [speed, steering]: [f64; 2]| {
+        [
+            speed * heading.cos(),
+            speed * heading.sin(),
+            speed / 0.25 * steering.tan(),
+            speed / 0.5 * (heading - behind).sin(),
+        ]
+    };
+    let mut state = start;
+    for (seconds, control) in segments {
+        let steps = 2000;
+        let h = seconds / f64::from(steps);
+        for _ in 0..steps {
+            let on =
+                |rate: [f64; 4], by: f64| [0, 1, 2, 3].map(|at: usize| state[at] + rate[at] * by);
+            let one = rates(state, control);
+            let two = rates(on(one, h / 2.0), control);
+            let three = rates(on(two, h / 2.0), control);
+            let four = rates(on(three, h), control);
+            let mean = [0, 1, 2, 3]
+                .map(|at: usize| (one[at] + 2.0 * (two[at] + three[at]) + four[at]) / 6.0);
+            state = on(mean, h);
+        }
+    }
+    let mut controls = ControlPlan::default();
+    controls.push_agent(segments).unwrap();
+    let model = ControlModel::new(&truck()).unwrap();
+    let driven = model.drive(&start, controls.of(0), 1 << 12).unwrap();
+    for (own, fine) in driven.end.iter().zip(state) {
+        assert!((own - fine).abs() < 1e-9, "{:?} and {state:?}", driven.end);
+    }
+    assert_eq!(driven.excesses, []);
+    // The trailer that follows the knots ends there too.
+    let mut plan = TrajectoryPlan::default();
+    plan.push_path(driven.knots).unwrap();
+    let trailer = model.trailer().unwrap();
+    let towed = trailer.follow(plan.knots(0), start[3], 1 << 12).unwrap();
+    let end = towed.knots[towed.knots.len() - 1];
+    assert!((end.heading_rad.unwrap() - state[3]).abs() < 1e-9);
+
+    // Limits of both numbers of a control.
+    let mut steep = ControlPlan::default();
+    steep.push_agent([(1.0, [-0.2, 1.1])]).unwrap();
+    let driven = model.drive(&start, steep.of(0), 1 << 12).unwrap();
+    let found: Vec<(Bounded, f64)> = driven
+        .excesses
+        .iter()
+        .map(|at| (at.bounded, at.limit))
+        .collect();
+    assert_eq!(found, [(Bounded::Speed, -0.1), (Bounded::Steering, 1.05)]);
+    let dynamics = model.dynamics();
+    assert!((dynamics.curvature_rad_per_m - 1.05f64.tan() / 0.25).abs() < 1e-9);
+
+    let wrong = |parameters: &[f64], reason: &str| {
+        let robot = Robot {
+            parameters: parameters.to_vec(),
+            ..truck()
+        };
+        let error = ControlModel::new(&robot).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    };
+    wrong(&[0.25], "joint_max_rad");
+    wrong(&[0.25, 0.5, 0.0, 0.25, 0.7], "not above 0");
+    let bare = |parameters: &[f64]| Robot {
+        dynamics: "fleetyard.car/1".into(),
+        state_limits: vec![[None; 2]; 3],
+        parameters: parameters.to_vec(),
+        ..truck()
+    };
+    assert!(ControlModel::new(&bare(&[0.25])).is_ok_and(|car| car.trailer().is_none()));
+    assert!(ControlModel::new(&bare(&[])).is_err());
 }

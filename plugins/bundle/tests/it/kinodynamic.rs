@@ -1,5 +1,6 @@
 //! Planners of robots with dynamics.
 
+mod cars;
 mod cbs_rrt;
 mod foundation;
 mod hybrid;

@@ -95,7 +95,7 @@ impl Guess {
             });
         }
         knots.dedup_by(|next, before| next.time <= before.time);
-        Track { knots }
+        Track::of(knots)
     }
 
     /// It has a state more than segments, all numbers are finite, and it begins there.

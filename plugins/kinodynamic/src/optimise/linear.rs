@@ -87,6 +87,7 @@ impl<const N: usize, const M: usize> Step<N, M> {
             at: state.at + Vector::new(way.re, way.im),
             heading: state.heading + turn,
             rates: if robot.is_second { later } else { [0.0; 3] },
+            behind: state.heading + turn,
         };
 
         let mut by_state = zeros::<N, N>();

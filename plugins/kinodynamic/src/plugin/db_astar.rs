@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::db_cbs::shorten;
 use super::{CLEARANCE_M, InStates, Method, Team, show_tree};
+use crate::robot::CARS;
 use crate::search::astar::{Grain, Limits, NODE_BYTES, Outcome, Pathfinder, field, first_step};
 
 /// A\* over motion primitives for one robot.
@@ -25,7 +26,7 @@ pub struct Options {
     #[schemars(range(min = 0.05, max = 1.0))]
     pub alpha: f64,
     /// The factor of bounds from below in the first search; its excess is halved in each one after the first plan. Without it, 1
-    /// for robots of first order and 2 for those of second.
+    /// for robots of first order without a trailer, and 2 for others.
     #[schemars(range(min = 1.0, max = 100.0))]
     pub weight: Option<f64>,
     /// The factor of the length of primitives from one search to the next.
@@ -63,7 +64,8 @@ impl Method for Options {
     const NAME: &'static str = "db-A*";
     const ABOUT: &'static str = "Anytime: one robot, A* over motion primitives that join exactly, with exact connections \
          to the goal, and again with shorter primitives (db-A*: Hönig, Ortiz-Haro, Toussaint, IROS 2022). Discs and convex \
-         polygons; obstacles may move.";
+         polygons, cars and their trailers; obstacles may move.";
+    const MORE_DYNAMICS: &'static [&'static str] = &CARS;
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {
@@ -92,8 +94,8 @@ impl Method for Options {
             stop: &mut stop,
         };
         let mut step_m = self.step_m.unwrap_or_else(|| first_step(team, 0));
-        let is_second = team.members[0].robot.is_second;
-        let mut weight = self.weight.unwrap_or(if is_second { 2.0 } else { 1.0 });
+        let is_hard = team.members[0].robot.is_hard_to_bound();
+        let mut weight = self.weight.unwrap_or(if is_hard { 2.0 } else { 1.0 });
         let (mut best, mut after, mut failure) = (f64::INFINITY, 0, None);
         // The tree of the last plan.
         let mut lines = Vec::new();

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::{CLEARANCE_M, InStates, Method, Team};
 use crate::course::Course;
 use crate::optimise::shortened;
+use crate::robot::CARS;
 use crate::search::astar::{Grain, Limits, NODE_BYTES, Pathfinder, Way, field, first_step};
 use crate::search::cbs::{Effort, Ended, Search};
 
@@ -31,7 +32,8 @@ pub struct Options {
     /// The factor of the length of primitives from one search to the next, where one ends without a plan.
     #[schemars(range(min = 0.1, max = 0.95))]
     pub delta_rate: f64,
-    /// The factor of bounds from below in searches of one robot. Without it, 1 for robots of first order and 1.5 for those of second.
+    /// The factor of bounds from below in searches of one robot. Without it, 1 for robots of first order without a trailer, and 1.5
+    /// for others.
     #[schemars(range(min = 1.0, max = 100.0))]
     pub weight: Option<f64>,
     /// The factor of the least cost within which the node with the fewest pairs that touch is expanded.
@@ -73,8 +75,8 @@ impl Default for Options {
 /// Most searches.
 const MOST_ROUNDS: u32 = 12;
 
-/// The weight of bounds from below for robots of second order, whose bounds are farther off.
-const SECOND_WEIGHT: f64 = 1.5;
+/// The weight of bounds from below for robots of second order and those with a trailer, whose bounds are farther off.
+const HARD_WEIGHT: f64 = 1.5;
 
 /// Added to that weight after searches of one robot that met their limit.
 const HURRY: f64 = 0.5;
@@ -84,7 +86,8 @@ impl Method for Options {
     const NAME: &'static str = "db-CBS";
     const ABOUT: &'static str = "Anytime: conflict-based search over motion primitives that join exactly; robots keep clear of \
          each other's motions round a contact (db-CBS: Moldagalieva, Ortiz-Haro, Toussaint, Hönig, ICRA 2024). Discs and \
-         convex polygons; obstacles may move.";
+         convex polygons, cars and their trailers; obstacles may move.";
+    const MORE_DYNAMICS: &'static [&'static str] = &CARS;
     const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous, Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {
@@ -110,14 +113,14 @@ impl Method for Options {
         let mut found = false;
         for _ in 0..MOST_ROUNDS {
             let own = |agent: usize| {
-                let is_second = team.members[agent].robot.is_second;
+                let is_hard = team.members[agent].robot.is_hard_to_bound();
                 let grain = Grain {
                     step_m: self.step_m.unwrap_or_else(|| first_step(team, agent)) * factor,
                     alpha: self.alpha,
                     weight: hurry
                         + self
                             .weight
-                            .unwrap_or(if is_second { SECOND_WEIGHT } else { 1.0 }),
+                            .unwrap_or(if is_hard { HARD_WEIGHT } else { 1.0 }),
                 };
                 Pathfinder::new(team, agent, &field, grain)
             };

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::db_cbs::shorten;
 use super::{CLEARANCE_M, InStates, Method, Team};
+use crate::robot::CARS;
 use crate::search::astar::{
     Grain, Limits, NODE_BYTES, Pathfinder, Way, field, first_step, step_seconds,
 };
@@ -76,7 +77,8 @@ impl Method for Options {
     const NAME: &'static str = "db-LaCAM";
     const ABOUT: &'static str = "Anytime: robots choose motion primitives step by step, and push each other out of the way; each can \
          always brake (LaCAM: Okumura, AAAI 2023, over motion primitives as db-LaCAM). Then each is planned anew among \
-         the others. Discs and convex polygons; obstacles may move.";
+         the others. Discs and convex polygons, cars and their trailers; obstacles may move.";
+    const MORE_DYNAMICS: &'static [&'static str] = &CARS;
     const CAPABILITIES: &'static [Capability] = &[Capability::Heterogeneous, Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {

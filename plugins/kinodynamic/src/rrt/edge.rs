@@ -236,11 +236,7 @@ pub struct Edge {
 impl Edge {
     /// Its track when it begins at that time.
     pub fn track_at(&self, departure: f64) -> Track {
-        let mut track = self.track.clone();
-        for knot in &mut track.knots {
-            knot.time += departure;
-        }
-        track
+        self.track.clone().later(departure)
     }
 
     /// A place is not nearer than the body comes.

@@ -131,6 +131,7 @@ impl<'a> Drive<'a> {
             at: self.bounds.min + (self.bounds.max - self.bounds.min).component_mul(&share),
             heading,
             rates,
+            behind: heading,
         }
     }
 
@@ -155,14 +156,16 @@ impl<'a> Drive<'a> {
                 goal.state.rates[axis]
             }
         };
+        let heading = if goal.free.heading {
+            any.heading
+        } else {
+            goal.state.heading + turn
+        };
         State {
             at,
-            heading: if goal.free.heading {
-                any.heading
-            } else {
-                goal.state.heading + turn
-            },
+            heading,
             rates: [0, 1, 2].map(rate),
+            behind: heading,
         }
     }
 
@@ -221,13 +224,11 @@ impl<'a> Drive<'a> {
         if far && self.moving.is_empty() {
             return true;
         }
-        let mut track = course.track_within(robot, CHORD);
+        let track = course.track_within(robot, CHORD);
         if !far && !track.legs().all(|leg| self.member.space.is_clear(&leg)) {
             return false;
         }
-        for knot in &mut track.knots {
-            knot.time += time;
-        }
+        let track = track.later(time);
         let end = track.last().time;
         self.is_clear_of_moving(&track, time, end)
     }

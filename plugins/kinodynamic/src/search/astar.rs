@@ -23,9 +23,9 @@ use crate::course::{Course, Knot, Segment, Track};
 use crate::curves::Curves;
 use crate::plugin::{Line, Member, Team};
 use crate::primitives::{Level, Primitive, Primitives, circle};
-use crate::robot::{Robot, State};
+use crate::robot::{Robot, State, rotated};
 use crate::scene::clash;
-use crate::steer::{brake, steer};
+use crate::steer::{brake, proportional, steer};
 
 /// A body to keep clear of on its way.
 #[derive(Debug, Clone)]
@@ -34,6 +34,8 @@ pub struct Avoid {
     track: Rc<Track>,
     /// Its greatest speed, in m/s.
     speed: f64,
+    /// Farthest that a point of it, or of what it tows, is from its origin, in metres.
+    span: f64,
     /// Circles that its origin does not leave, one for each [`WINDOW_S`] from time zero on.
     windows: Windows,
     /// The first time that counts, in seconds.
@@ -50,6 +52,7 @@ impl Avoid {
             .map(|leg| (leg.to.at - leg.from.at).norm() / leg.duration);
         Self {
             speed: speeds.fold(0.0, f64::max),
+            span: span(&body, &track),
             windows: Windows::new(&track),
             body: Rc::new(body),
             track,
@@ -86,7 +89,7 @@ impl Avoid {
         from: f64,
         until: f64,
     ) -> bool {
-        let reach = body.radius + self.body.radius;
+        let reach = span(body, track) + self.span;
         let last = self.windows.last().max(windows.last());
         let mut window = (from / WINDOW_S) as usize;
         let mut begin = from;
@@ -115,15 +118,16 @@ impl Avoid {
         }
     }
 
-    /// A body whose origin stays in a circle from one time until another is not near.
-    fn is_far(&self, body: &Body, (centre, reach): (Pose, f64), from: f64, until: f64) -> bool {
+    /// A body that is nowhere farther from its origin than its span, which stays in a circle from one time until another, is not
+    /// near.
+    fn is_far(&self, span: f64, (centre, reach): (Pose, f64), from: f64, until: f64) -> bool {
         let (from, until) = (from.max(self.from), until.min(self.until));
         if from >= until {
             return true;
         }
         let way = self.speed * (until - from).min(self.track.seconds());
         let distance = (self.track.at(from).at - centre.at).norm();
-        distance > body.radius + self.body.radius + reach + way
+        distance > span + self.span + reach + way
     }
 
     /// It is touched by a body on its way, which begins at its first knot.
@@ -131,6 +135,12 @@ impl Avoid {
         let from = track.knots[0].time.max(self.from);
         self.meets((body, track, windows), from, until.min(self.until))
     }
+}
+
+/// Farthest that a point of a body, or of what it tows, is from its origin, in metres.
+fn span(body: &Body, track: &Track) -> f64 {
+    let trail = track.trail.as_ref().map_or(0.0, |trail| trail.reach);
+    body.radius.max(trail)
 }
 
 /// A motion in windows of time.
@@ -253,8 +263,12 @@ pub enum Outcome {
 pub struct Pathfinder<'a> {
     member: &'a Member,
     walls: Walls,
+    /// As the trailer sees them.
+    behind: Option<Walls>,
     remaining: Remaining,
     curves: Option<Curves>,
+    /// Curves to the goal, and how far before it they end: what is left is driven straight; below zero for back.
+    connections: Vec<(Curves, f64)>,
     movers: Vec<Avoid>,
     primitives: Primitives,
     wait: Primitive,
@@ -378,11 +392,15 @@ impl<'a> Pathfinder<'a> {
         });
         let primitives = Primitives::new(robot, step);
         let turn = (robot.top_turn_rate() * step).min(MOST_CELL_RAD / grain.alpha);
+        let curves = Curves::new(robot);
+        let behind = member.behind.as_ref();
         Self {
             member,
             walls: Walls::new(Rc::clone(field), Rc::clone(&member.space)),
+            behind: behind.map(|space| Walls::new(Rc::clone(field), Rc::clone(space))),
             remaining: Remaining::new(Rc::clone(field), member),
-            curves: Curves::new(robot),
+            curves,
+            connections: curves.map_or(Vec::new(), |curves| connections(robot, curves)),
             movers: movers.collect(),
             wait: primitives.rest(step),
             primitives,
@@ -394,7 +412,7 @@ impl<'a> Pathfinder<'a> {
 
     /// The robot is clear of what stands at its start.
     pub fn is_free_at_start(&self) -> bool {
-        self.member.space.is_free(&self.member.start.pose())
+        self.member.is_free(&self.member.start)
     }
 
     /// A bound from below of the time from the start to the goal, in seconds.
@@ -414,8 +432,10 @@ impl<'a> Pathfinder<'a> {
     }
 
     /// A motion touches nothing that stands. Where it begins has to be free.
-    pub fn is_clear(&self, knots: &[Knot]) -> bool {
-        self.walls.is_clear(knots)
+    pub fn is_clear(&self, track: &Track) -> bool {
+        let trail = track.trail.as_ref().zip(self.behind.as_ref());
+        self.walls.is_clear(&track.knots)
+            && trail.is_none_or(|(trail, walls)| walls.is_clear(&trail.track.knots))
     }
 
     /// A motion touches an obstacle that moves, before `until`.
@@ -452,8 +472,8 @@ impl<'a> Pathfinder<'a> {
         travel.max(turn)
     }
 
-    /// The cell of a state's place and heading.
-    pub fn cell(&self, state: &State) -> [i32; 3] {
+    /// The cell of a state's place, heading and joint.
+    pub fn cell(&self, state: &State) -> [i32; 4] {
         let [place, turn] = self.cell;
         let part = |value: f64, cell: f64| (value / cell).floor() as i32;
         let heading = if self.member.robot.has_heading {
@@ -461,7 +481,17 @@ impl<'a> Pathfinder<'a> {
         } else {
             0
         };
-        [part(state.at.x, place), part(state.at.y, place), heading]
+        let joint = if self.behind.is_some() {
+            part(wrapped(state.heading - state.behind), turn)
+        } else {
+            0
+        };
+        [
+            part(state.at.x, place),
+            part(state.at.y, place),
+            heading,
+            joint,
+        ]
     }
 
     /// Controls that lead from a state to rest at the goal exactly where nothing is in the way.
@@ -472,18 +502,36 @@ impl<'a> Pathfinder<'a> {
             robot.after(state, &stop.control, stop.seconds)
         });
         let (from, to) = (rest.pose(), goal.state.pose());
-        let curve = || {
-            let is_quick = !robot.is_second && !goal.free.heading;
-            let curves = self.curves.filter(|_| is_quick)?;
-            Some(curves.quickest(&from, &to)?.1)
+        let headings = match (&robot.car, goal.free.heading) {
+            (_, false) if !robot.is_second => vec![to.heading],
+            // Where any will do a car drives on straight, or arrives on the line to the goal.
+            (Some(_), true) => {
+                let way = to.at - from.at;
+                vec![libm::atan2(way.y, way.x), from.heading]
+            }
+            _ => Vec::new(),
         };
-        let ways = if goal.is_reached(&rest) {
-            [Some(Vec::new()), None]
+        let curve = |(curves, straight): &(Curves, f64), heading: f64| {
+            let before = Pose {
+                at: to.at - rotated(Vector::new(*straight, 0.0), heading),
+                heading,
+            };
+            let (_, mut segments) = curves.quickest(&from, &before)?;
+            segments.extend(proportional(robot, &[*straight, 0.0, 0.0])?);
+            Some(segments)
+        };
+        let ways: Vec<Vec<Segment>> = if goal.is_reached(&rest) {
+            vec![Vec::new()]
         } else {
-            [curve(), steer(robot, &from, &to, goal.free.heading)]
+            let steered = steer(robot, &from, &to, goal.free.heading);
+            let curves = headings.iter().flat_map(|heading| {
+                let to_it = |way| curve(way, *heading);
+                self.connections.iter().filter_map(to_it)
+            });
+            curves.chain(steered).collect()
         };
         let whole = |way| stop.into_iter().chain(way).collect();
-        ways.into_iter().flatten().map(whole).collect()
+        ways.into_iter().map(whole).collect()
     }
 
     /// The quickest way that costs less than `bound` and touches none of `avoid`. Touching one of `dodge` costs `penalty` seconds
@@ -541,6 +589,24 @@ impl<'a> Pathfinder<'a> {
     }
 }
 
+/// Straight ways at the goal of a car with a trailer, in lengths of its hitch: the joint straightens ahead; below zero for back.
+const STRAIGHT: [f64; 4] = [0.0, 1.0, 2.5, -1.0];
+
+/// Part of the joint's limit that the widest curves bend it by when driven for ever.
+const BENT: f64 = 0.9;
+
+/// Curves by which a robot is connected to its goal.
+fn connections(robot: &Robot, curves: Curves) -> Vec<(Curves, f64)> {
+    let Some(trailer) = robot.trailer() else {
+        return vec![(curves, 0.0)];
+    };
+    // On a circle of that radius the joint stays so.
+    let wide = curves.wider(trailer.hitch / libm::sin(trailer.most.min(PI / 2.0) * BENT));
+    let both = [curves, wide].into_iter();
+    let all = both.flat_map(|curves| STRAIGHT.map(|part| (curves, part * trailer.hitch)));
+    all.collect()
+}
+
 /// The duration of primitives.
 pub fn step_seconds(robot: &Robot, step_m: f64) -> f64 {
     let (speed, turn) = (robot.top_speed(), robot.top_turn_rate());
@@ -574,7 +640,7 @@ struct Search<'s, 'a> {
     nodes: Vec<Node>,
     open: BinaryHeap<Entry>,
     /// The cheapest node of every cell.
-    seen: HashMap<[i32; 7], u32>,
+    seen: HashMap<[i32; 8], u32>,
     /// The cost of the best way, or what it has to cost less than.
     best: f64,
     /// The node from which the goal was reached, and the controls from there.
@@ -611,9 +677,8 @@ impl Search<'_, '_> {
             start,
             segments: vec![segment],
         };
-        let mut track = course.track(&self.own.member.robot);
-        track.knots.iter_mut().for_each(|knot| knot.time += time);
-        let clear = self.own.walls.is_clear(&track.knots);
+        let track = course.track(&self.own.member.robot).later(time);
+        let clear = self.own.is_clear(&track);
         let until = time + segment.seconds;
         let Some(touched) = self.touched(&track, until).filter(|_| clear) else {
             return;
@@ -633,6 +698,8 @@ impl Search<'_, '_> {
     /// True when all nodes were expanded that may lead to a cheaper way.
     fn run(&mut self, limits: &mut Limits<'_>) -> bool {
         let mut expanded = 0_u64;
+        // A trailer's many connections take their time.
+        let look = if self.own.behind.is_some() { 1 } else { LOOK };
         while let Some(entry) = self.open.pop() {
             if entry.estimate >= self.best - NO_LESS {
                 return true;
@@ -660,7 +727,7 @@ impl Search<'_, '_> {
             }
             if limits.nodes == 0
                 || self.nodes.len() >= limits.memory
-                || (expanded.is_multiple_of(LOOK) && (limits.stop)())
+                || (expanded.is_multiple_of(look) && (limits.stop)())
             {
                 return false;
             }
@@ -673,15 +740,15 @@ impl Search<'_, '_> {
     }
 
     /// The cell in which a node is the same as others.
-    fn cell(&self, node: &Node) -> [i32; 7] {
-        let [x, y, heading] = self.own.cell(&node.state);
+    fn cell(&self, node: &Node) -> [i32; 8] {
+        let [x, y, heading, joint] = self.own.cell(&node.state);
         let time = if node.time < self.changes_until {
             ((node.time + 1e-9) / self.own.wait.seconds).floor() as i32
         } else {
             i32::MAX
         };
         let [one, two, three] = node.level.map(i32::from);
-        [x, y, heading, one, two, three, time]
+        [x, y, heading, joint, one, two, three, time]
     }
 
     /// Puts the last node into the queue.
@@ -732,7 +799,7 @@ impl Search<'_, '_> {
                 robot.after(&state, &segment.control, segment.seconds)
             });
         let pose = state.pose();
-        if self.own.walls.is_shut(pose.at) {
+        if self.own.walls.is_shut(pose.at) || !robot.allows_joint(&state) {
             return;
         }
         let time = node.time + primitive.seconds;
@@ -769,18 +836,27 @@ impl Search<'_, '_> {
                 heading: 0.0,
             },
         );
-        let is_open = self.own.walls.is_open(middle.at, reach);
-        let is_far = |avoid: &Avoid| avoid.is_far(&member.body, (middle, reach), node.time, time);
+        let span = robot.span(&member.body);
+        let beyond = robot.span(&member.space.body) - member.space.body.radius;
+        let is_open = self.own.walls.is_open(middle.at, reach + beyond);
+        let is_far = |avoid: &Avoid| avoid.is_far(span, (middle, reach), node.time, time);
         let all_far = self.hard.iter().chain(self.soft).all(is_far);
         if !is_open || !all_far {
-            let knots = primitive.knots.iter().map(|knot| Knot {
-                time: node.time + knot.time,
-                pose: robot.placed(&start, &knot.pose),
-            });
-            let track = Track {
-                knots: knots.collect(),
+            let track = if self.own.behind.is_some() {
+                // Where the trailer goes depends on its joint.
+                let course = Course {
+                    start: node.state,
+                    segments: primitive.segments.clone(),
+                };
+                course.track(robot).later(node.time)
+            } else {
+                let knots = primitive.knots.iter().map(|knot| Knot {
+                    time: node.time + knot.time,
+                    pose: robot.placed(&start, &knot.pose),
+                });
+                Track::of(knots.collect())
             };
-            if !is_open && !self.own.walls.is_clear(&track.knots) {
+            if !is_open && !self.own.is_clear(&track) {
                 return;
             }
             if !all_far {
@@ -812,6 +888,10 @@ impl Search<'_, '_> {
                 start: node.state,
                 segments,
             };
+            let is_towed_there = || course.is_allowed(robot) && goal.is_reached(&course.end(robot));
+            if self.own.behind.is_some() && !is_towed_there() {
+                continue;
+            }
             let Some(touched) = self.touched_by(&course, node.time) else {
                 continue;
             };
@@ -833,24 +913,19 @@ impl Search<'_, '_> {
         {
             return None;
         }
-        let mut knots = vec![Knot {
-            time,
-            pose: course.start.pose(),
-        }];
+        let mut whole = Course::stay(course.start).track(robot).later(time);
         for (segment, start) in course.segments.iter().zip(course.states(robot)) {
             let part = Course {
                 start,
                 segments: vec![*segment],
             };
-            let mut track = part.track(robot);
-            if !self.own.walls.is_clear(&track.knots) {
+            let track = part.track(robot);
+            if !self.own.is_clear(&track) {
                 return None;
             }
-            let begin = knots[knots.len() - 1].time;
-            track.knots.iter_mut().for_each(|knot| knot.time += begin);
-            knots.extend(track.knots.into_iter().skip(1));
+            whole.append(track);
         }
-        self.touched(&Track { knots }, f64::INFINITY)
+        self.touched(&whole, f64::INFINITY)
     }
 
     /// The best way that was found.

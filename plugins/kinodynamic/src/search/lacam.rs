@@ -18,7 +18,7 @@ use fleetyard_plugin_spacetime::random::Random;
 
 use super::astar::{Avoid, Limits, Outcome, Pathfinder};
 use super::field::{Field, Guide, Waypoint};
-use crate::course::{Course, Knot, Segment, Track};
+use crate::course::{Course, Segment};
 use crate::plugin::{Member, Team};
 use crate::primitives::Level;
 use crate::robot::State;
@@ -99,7 +99,7 @@ pub struct Search<'s, 'a> {
     still: f64,
     nodes: Vec<Node>,
     /// Ways of single robots from states to their goals.
-    alone: HashMap<(usize, [u64; 6]), Option<Rc<Course>>>,
+    alone: HashMap<(usize, [u64; 7]), Option<Rc<Course>>>,
     /// Configurations that were made.
     pub made: u64,
 }
@@ -248,11 +248,15 @@ impl<'s, 'a> Search<'s, 'a> {
         if own.is_shut(rest.at) {
             return None;
         }
-        let mut track = course.track(&member.robot);
-        if !own.is_clear(&track.knots) {
+        let bends = |state: State| !member.robot.allows_joint(&state);
+        if member.behind.is_some() && course.states(&member.robot).any(bends) {
             return None;
         }
-        track.knots.iter_mut().for_each(|knot| knot.time += begin);
+        let track = course.track(&member.robot);
+        if !own.is_clear(&track) {
+            return None;
+        }
+        let track = track.later(begin);
         let seconds = track.seconds() + self.step;
         if own.meets_mover(&track, seconds) {
             return None;
@@ -363,7 +367,11 @@ impl<'s, 'a> Search<'s, 'a> {
     ) -> Option<Rc<Course>> {
         let [place, heading, rates] = [state.at.x, state.at.y, state.heading].map(f64::to_bits);
         let own = state.rates.map(f64::to_bits);
-        let key = (robot, [place, heading, rates, own[0], own[1], own[2]]);
+        let behind = state.behind.to_bits();
+        let key = (
+            robot,
+            [place, heading, rates, own[0], own[1], own[2], behind],
+        );
         if let Some(known) = self.alone.get(&key) {
             return known.clone();
         }
@@ -415,7 +423,8 @@ impl<'s, 'a> Search<'s, 'a> {
         let is_lost = ways.is_empty() && (own.action.remaining > 0.0 || ended);
         let is_turn = (step as usize + robot).is_multiple_of(RETHINK);
         let finder = &self.pathfinders[robot];
-        let robot_of = &self.team.members[robot].robot;
+        let member = &self.team.members[robot];
+        let robot_of = &member.robot;
         let direct = finder
             .connections(&own.state)
             .into_iter()
@@ -424,7 +433,11 @@ impl<'s, 'a> Search<'s, 'a> {
                     start: own.state,
                     segments: segments.clone(),
                 };
-                finder.is_clear(&course.track(robot_of).knots)
+                let leads = |course: &Course| {
+                    course.is_allowed(robot_of) && member.goal.is_reached(&course.end(robot_of))
+                };
+                (member.behind.is_none() || leads(&course))
+                    && finder.is_clear(&course.track(robot_of))
             });
         ways.extend(direct.map(|segments| (segments.into(), 0.0)));
         let thinks = step == 0 || (is_lost && !own.is_there && is_turn);
@@ -544,11 +557,8 @@ impl<'s, 'a> Search<'s, 'a> {
         let time = f64::from(node.step) * self.step;
         node.robots.iter().enumerate().all(|(robot, own)| {
             let stays = || {
-                let knot = Knot {
-                    time,
-                    pose: own.state.pose(),
-                };
-                let track = Track { knots: vec![knot] };
+                let robot_of = &self.team.members[robot].robot;
+                let track = Course::stay(own.state).track(robot_of).later(time);
                 !self.pathfinders[robot].meets_mover(&track, f64::INFINITY)
             };
             own.is_there && (time >= self.still || stays())
@@ -592,7 +602,7 @@ impl<'s, 'a> Search<'s, 'a> {
     }
 
     /// The cells of all robots.
-    fn cells(&self, robots: &[Own], step: u32) -> Vec<[i32; 7]> {
+    fn cells(&self, robots: &[Own], step: u32) -> Vec<[i32; 8]> {
         let time = f64::from(step) * self.step;
         let late = if time < self.still {
             step as i32
@@ -600,7 +610,7 @@ impl<'s, 'a> Search<'s, 'a> {
             i32::MAX
         };
         let own = |(robot, own): (usize, &Own)| {
-            let [x, y, heading] = self.pathfinders[robot].cell(&own.state);
+            let [x, y, heading, joint] = self.pathfinders[robot].cell(&own.state);
             let level = own.level.unwrap_or([i16::MAX; 3]).map(i32::from);
             // A robot on its way to the goal is where its motion has got to.
             let begun = if own.level.is_none() {
@@ -612,6 +622,7 @@ impl<'s, 'a> Search<'s, 'a> {
                 x,
                 y,
                 heading,
+                joint,
                 level[0],
                 level[1] * 1000 + level[2],
                 begun,

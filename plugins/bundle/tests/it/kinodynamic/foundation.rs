@@ -95,7 +95,7 @@ proptest! {
         }
         let led = robot.after(&start, &control, seconds);
         let rates = if robot.is_second { own } else { [0.0; 3] };
-        near(&led, &State { at, heading, rates }, 1e-6);
+        near(&led, &State { at, heading, rates, behind: heading }, 1e-6);
         // In two parts as in one.
         let half = robot.after(&start, &control, seconds / 3.0);
         near(&robot.after(&half, &control, seconds * 2.0 / 3.0), &led, 1e-9);
@@ -160,9 +160,9 @@ proptest! {
         let long = Body { radius: 0.6, corners: [[0.55, 0.2], [-0.55, 0.2], [-0.55, -0.2], [0.55, -0.2]].map(|[x, y]| Vector::new(x, y)).to_vec() };
         let disc = Body { radius: 0.3, corners: Vec::new() };
         let bodies = [if is_disc { &disc } else { &long }, &long];
-        let track = |poses: &[Pose], pace: f64| Track {
-            knots: poses.iter().enumerate().map(|(number, pose)| Knot { time: number as f64 * pace, pose: *pose }).collect(),
-        };
+        let track = |poses: &[Pose], pace: f64| Track::of(
+            poses.iter().enumerate().map(|(number, pose)| Knot { time: number as f64 * pace, pose: *pose }).collect(),
+        );
         let tracks = [track(&one, 1.0), track(&other, 1.5)];
         let found = clash((bodies[0], &tracks[0]), (bodies[1], &tracks[1]), 0.0, f64::INFINITY);
         let overlap = |time: f64| overlapping(bodies[0], &tracks[0].at(time), bodies[1], &tracks[1].at(time));
@@ -259,12 +259,8 @@ fn bodies_that_begin_side_by_side_do_not_clash() {
             heading: 0.0,
         },
     };
-    let track = |y: f64, end: f64| Track {
-        knots: vec![knot(0.0, 0.0, y), knot(1.0, 1.0, end)],
-    };
-    let still = Track {
-        knots: vec![knot(0.0, 0.0, 0.0)],
-    };
+    let track = |y: f64, end: f64| Track::of(vec![knot(0.0, 0.0, y), knot(1.0, 1.0, end)]);
+    let still = Track::of(vec![knot(0.0, 0.0, 0.0)]);
     // Both in parallel, one along the other, one away, and one into the other.
     for (own, end, other, clashes) in [
         (0.4, 0.4, track(0.0, 0.0), false),

@@ -256,6 +256,7 @@ fn derivatives<const N: usize, const M: usize>(
         } else {
             [0.0; 3]
         },
+        behind: 0.0,
     };
     let control = there(control);
     let step: Step<N, M> = Step::new(robot, &axes, &state, &control, seconds);

@@ -57,8 +57,8 @@ fn at_rest(robot: &fleetyard_abi::Robot, [x, y, heading]: [f64; 3]) -> Vec<f64> 
 
 /// Plans and figures of a planner.
 #[derive(Debug, Default)]
-struct Said {
-    plans: Vec<ControlPlan>,
+pub(super) struct Said {
+    pub(super) plans: Vec<ControlPlan>,
     figures: Vec<(String, f64)>,
 }
 
@@ -93,7 +93,7 @@ impl Sink for Listener {
 }
 
 /// Plans within so many nodes, and without a limit of time that matters.
-fn plan<P: Plugin + Planner>(
+pub(super) fn plan<P: Plugin + Planner>(
     problem: &Problem,
     options: &str,
     nodes: u64,
