@@ -1,5 +1,6 @@
 //! The studio's server: who is let in, what is refused, jobs, recordings, and that nothing is left.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -505,7 +506,7 @@ fn masked(value: &mut Value) {
                 match key.as_str() {
                     "at_ms" | "elapsed_ms" => *value = 0.into(),
                     "record" | "execution" | "values_cm" | "vertices" | "edges" => {
-                        *value = "…".into()
+                        *value = "…".into();
                     }
                     _ => masked(value),
                 }
@@ -531,10 +532,11 @@ fn the_protocol_is_as_it_was() {
         let mut answer = reply.json();
         let whole = answer.clone();
         masked(&mut answer);
-        told.push_str(&format!(
+        let _ = write!(
+            told,
             "{method} {path}\n{sent}\n{}\n{answer:#}\n\n",
             reply.status
-        ));
+        );
         whole
     };
     let none = Value::Null;
