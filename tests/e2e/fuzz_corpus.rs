@@ -361,6 +361,12 @@ fn scen() {
 }
 
 #[test]
+fn studio() {
+    // A few words stand for a map, and a preset for a robot.
+    corpus_and_mutations("studio", 40_000, 32 << 20);
+}
+
+#[test]
 fn suite() {
     // A few words stand for a million seeds.
     corpus_and_mutations("suite", 60_000, 32 << 20);

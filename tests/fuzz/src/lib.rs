@@ -24,6 +24,7 @@ pub mod plane;
 pub mod recording;
 pub mod rows;
 pub mod scen;
+pub mod studio;
 pub mod suite;
 pub mod task;
 pub mod trace;
@@ -53,6 +54,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("recording", recording::run),
     ("rows", rows::run),
     ("scen", scen::run),
+    ("studio", studio::run),
     ("suite", suite::run),
     ("task", task::run),
     ("trace", trace::run),
