@@ -158,6 +158,9 @@ MODELS = {
     "unicycle-2": "dynobench-unicycle-2",
     "double-integrator": {"footprint": {"disc": {"radius_m": 0.15}}, "model": "dynobench-double-integrator"},
     "holonomic": {"footprint": {"rectangle": {"length_m": 0.5, "width_m": 0.25}}, "model": "holonomic"},
+    "car": "dynobench-car",
+    # Its trailer begins in line and may end at any angle.
+    "car-trailer": "dynobench-car-trailer",
 }
 
 
