@@ -201,7 +201,7 @@ fn what_is_wrong_is_said() {
             "lists 1 agents",
         ),
         (
-            "simulate --map a.map plan.json --model car",
+            "simulate --map a.map plan.json --model cart",
             USAGE,
             "not a model",
         ),

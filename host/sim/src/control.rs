@@ -210,12 +210,20 @@ fn bisectors(from: Place, by: Place, to: Place) -> Option<[[f64; 3]; 2]> {
     Some([half_way(a, b)?, half_way(flat(a), flat(b))?])
 }
 
+/// Part of a turn that counts for the nearest place on a way: little, for robots on wheels head elsewhere than
+/// their plan, and all of it where they do not move.
+const TURN: f64 = 0.2;
+
 /// The place on a way that is nearest to a body; the end of a way that goes nowhere.
 fn nearest(from: Place, to: Place, body: &State) -> Place {
-    let way_to = way(from, to);
-    let length = dot(way_to, way_to);
+    let seen = |to: Place| {
+        let [x, y, turn] = way(from, to);
+        [x, y, TURN * turn]
+    };
+    let whole = seen(to);
+    let length = dot(whole, whole);
     let share = if length > 0.0 {
-        (dot(way(from, at(body)), way_to) / length).clamp(0.0, 1.0)
+        (dot(seen(at(body)), whole) / length).clamp(0.0, 1.0)
     } else {
         1.0
     };
