@@ -1,7 +1,7 @@
 //! `fleetyard fleet --live`: a fleet that hears commands while it drives, and shows where it is.
 //!
 //! Commands are lines of JSON on standard input, what happens is lines of JSON on standard output.
-//! What is done to the fleet goes into its recording; how fast it goes does not matter to what happens.
+//! Interventions go into the recording of the fleet; how fast it goes does not matter to what happens.
 
 use std::collections::VecDeque;
 use std::io::{self, BufRead, BufWriter, Read as _};
