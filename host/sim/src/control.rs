@@ -210,15 +210,22 @@ fn bisectors(from: Place, by: Place, to: Place) -> Option<[[f64; 3]; 2]> {
     Some([half_way(a, b)?, half_way(flat(a), flat(b))?])
 }
 
-/// Part of a turn that counts for the nearest place on a way: little, for robots on wheels head elsewhere than
-/// their plan, and all of it where they do not move.
-const TURN: f64 = 0.2;
+/// Part of a turn that counts for the nearest place on a way: little for robots on wheels, which head elsewhere
+/// than their plan.
+fn share_of_turns(model: Option<&Model>) -> f64 {
+    if model.is_some_and(Model::keeps_headings) {
+        1.0
+    } else {
+        0.2
+    }
+}
 
-/// The place on a way that is nearest to a body; the end of a way that goes nowhere.
-fn nearest(from: Place, to: Place, body: &State) -> Place {
+/// The place on a way that is nearest to a body of this model; the end of a way that goes nowhere.
+fn nearest(model: Option<&Model>, from: Place, to: Place, body: &State) -> Place {
+    let share = share_of_turns(model);
     let seen = |to: Place| {
         let [x, y, turn] = way(from, to);
-        [x, y, TURN * turn]
+        [x, y, share * turn]
     };
     let whole = seen(to);
     let length = dot(whole, whole);
@@ -413,7 +420,7 @@ impl Driver<'_> {
         let off = if stood && by_order && before == (pilot.done, pilot.leg) && !known.m.is_nan() {
             known
         } else {
-            self.off(agent, pilot)
+            self.off(Some(model), agent, pilot)
         };
         chunk.errors[lane] = off;
         chunk.tracking.note(agent as u32, off, self.block.length());
@@ -576,7 +583,7 @@ impl Driver<'_> {
 
     /// Tracking error of a body at the end of the block: its distance and angle from the planned
     /// pose or, under an order of passing, from its leg.
-    pub(crate) fn off(&self, agent: usize, pilot: &mut Pilot) -> Off {
+    pub(crate) fn off(&self, model: Option<&Model>, agent: usize, pilot: &mut Pilot) -> Off {
         let State { x, y, heading, .. } = pilot.state;
         let place = match self.releases {
             Releases::Time => {
@@ -585,7 +592,7 @@ impl Driver<'_> {
             }
             Releases::Order(_) => {
                 let end = self.place(agent, pilot.leg.max(pilot.done));
-                nearest(pilot.from, end, &pilot.state)
+                nearest(model, pilot.from, end, &pilot.state)
             }
         };
         let turned = place.heading.map(|planned| planned - heading);
@@ -676,7 +683,7 @@ impl Driver<'_> {
         let near = [model.arrival_tolerance_m(), model.heading_tolerance_rad()];
         let (mut from, mut knot) = (pilot.from, pilot.leg);
         let mut end = self.place(agent, knot);
-        let here = nearest(from, end, state);
+        let here = nearest(Some(model), from, end, state);
         let mut cone = Cone::new(here, near.map(|near| BEND * near));
         let mut ahead = None;
         loop {

@@ -160,7 +160,7 @@ impl Solved {
                         .push(driver.block.end, start.x, start.y, start.heading);
                 }
                 let mut pilot = chunk.pilots[lane];
-                let off = driver.off(agent, &mut pilot);
+                let off = driver.off(model(agent as u32), agent, &mut pilot);
                 chunk.pilots[lane] = pilot;
                 let length = driver.block.length();
                 chunk.tracking.note(agent as u32, off, length);
