@@ -436,7 +436,8 @@ def losses(trials):
     if touched:
         told.append("**Driven by double integrators, plans touch**: "
                     + ", ".join(f"{share(some, of, ' of ')} {name}" for some, of, name in touched)
-                    + ". Robots are some centimetres behind plans that do not know of inertia, and cut corners.")
+                    + ". Robots drive from knot to knot by a controller of their own, which cuts corners of plans that do not know of "
+                    "inertia, and is behind trajectories that ask for all that robots can do: a plan's controls are not used.")
     for view in ("grid", "grid-strict"):
         rows = [row for (of, _), line in trials.lines.items() if of == view for row in line.values() if row["valid"]]
         bad = [row for row in rows if not row["valid_in_world"]]
