@@ -50,6 +50,8 @@ fn a_live_fleet_to_which_nothing_is_done_is_the_same() {
         &["{\"pause\":true}", "{\"step\":3}", "{\"pause\":false}"],
     );
     let said = lines(&live.expect(SUCCESS));
+    // What a viewer needs comes first.
+    assert_eq!(said[0]["meta"]["agents"], 12);
     let outcome = &said.last().unwrap()["record"];
     assert!(digest(&usual).is_string(), "{usual}");
     assert_eq!(digest(outcome), digest(&usual));
@@ -70,19 +72,22 @@ fn a_replay_has_what_was_done_to_the_fleet() {
         .position(|letter| letter == b'.')
         .unwrap();
     let close = format!("{{\"close\":{{\"cell\":{cell},\"for_s\":10}}}}");
+    let send = format!("{{\"send\":{{\"agent\":7,\"cell\":{cell}}}}}");
     let commands = [
+        &send,
         "{\"pause\":true}",
         "{\"hold\":{\"agent\":3,\"for_s\":15}}",
         &close,
         "{\"hold\":{\"agent\":99,\"for_s\":15}}",
         "{\"close\":{\"cell\":4000000,\"for_s\":1}}",
+        "{\"send\":{\"agent\":7,\"cell\":0}}",
         "{\"shout\":1}",
         "{\"pause\":false}",
     ];
     let live = hearing(&yard, &line("--live --record fleet.jsonl"), &commands).expect(SUCCESS);
     let said = lines(&live);
     let count = |key: &str| said.iter().filter(|line| !line[key].is_null()).count();
-    assert_eq!((count("intervened"), count("refused")), (2, 3), "{live}");
+    assert_eq!((count("intervened"), count("refused")), (3, 4), "{live}");
     let outcome = &said.last().unwrap()["record"];
     assert_ne!(digest(outcome), digest(&usual));
     let again = yard

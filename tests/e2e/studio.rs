@@ -445,3 +445,79 @@ fn decoded(text: &str) -> Vec<u8> {
     }
     bytes
 }
+
+#[test]
+fn a_fleet_is_watched_and_worked_while_it_drives() {
+    let map = root().join("maps/warehouse-4-6-6-2-1.map");
+    let Some(mut studio) = Studio::open(&[map], [1280, 800]) else {
+        return;
+    };
+    studio.page.click("#to-plan");
+    studio
+        .page
+        .until("document.querySelector('[data-key=\"fleet\"]')");
+    studio.page.click("[data-key=\"fleet\"]");
+    studio
+        .page
+        .until("!document.querySelector('[data-key=\"fleet-run\"]').disabled");
+    studio.page.click("[data-key=\"fleet-run\"]");
+    // It is shown as soon as it drives, and time goes on.
+    studio
+        .page
+        .until("studio.watch.live && studio.watch.clock.now > 1");
+    let job = studio.page.eval("studio.watch.live.job.id");
+
+    // A robot is broken by a click, and stands from then on.
+    let click = |studio: &mut Studio, wanted: &str, what: &str| {
+        let choose = format!(
+            "(() => {{ const list = document.querySelector('[data-key=\"live-click\"]'); list.value = '{wanted}'; \
+             list.dispatchEvent(new Event('change')); }})()"
+        );
+        studio.page.eval(&choose);
+        let at = studio.page.eval(&format!(
+            "(() => {{ const pane = studio.watch.panes[0], box = pane.stage.scene.getBoundingClientRect(), [x, y] = {what}; \
+             return [box.left + pane.stage.toX(x), box.top + pane.stage.toY(y)]; }})()"
+        ));
+        let at = [0, 1].map(|axis| at[axis].as_f64().unwrap());
+        studio.page.click_at(at);
+    };
+    studio.page.key("Space");
+    studio.page.until("studio.watch.live.job.live.paused");
+    click(
+        &mut studio,
+        "break",
+        "[pane.recording.fleet.X[3], pane.recording.fleet.Y[3]]",
+    );
+    // A cell is blocked: the one at the foot of the first free column.
+    let cell = "studio.watch.live.recording.meta.cells && (() => { const { rows, side } = studio.watch.live.cells; \
+                return [2.5 * side, (rows - 1.5) * side]; })()";
+    click(&mut studio, "close", cell);
+    studio.page.key("Space");
+    studio
+        .page
+        .until("studio.watch.live.job.live.interventions.length >= 1");
+    let done = studio
+        .page
+        .eval("studio.watch.live.job.live.interventions[0].what.hold.agent");
+    assert_eq!(done, 3);
+    studio
+        .page
+        .until("studio.watch.live.effects(studio.watch.clock.end).held.has(3)");
+    // A frame of a fleet that stands still is one block.
+    studio.page.key("Space");
+    studio.page.until("studio.watch.live.job.live.paused");
+    let before = studio.page.eval("studio.watch.clock.end").as_f64().unwrap();
+    studio.page.key(".");
+    studio
+        .page
+        .until(&format!("studio.watch.clock.end > {before}"));
+    let _ = studio.page.picture();
+
+    // Its end is a recording, with what was done to it.
+    studio.page.click("#end-fleet");
+    studio.page.until(&format!(
+        "!studio.watch.live && studio.watch.panes[0]?.id === {job}"
+    ));
+    studio.page.until("studio.watch.panes[0].scene.known");
+    studio.has_no_errors();
+}

@@ -261,6 +261,8 @@ impl Tasks {
 #[derive(Debug, Clone)]
 pub struct Assigner {
     cols: u32,
+    /// The part of the map that each cell is in, from 1; 0 for blocked ones.
+    part: Vec<u32>,
     random: SeededRandom,
     draw: Draw,
     giving: Giving,
@@ -341,6 +343,7 @@ impl Assigner {
         Self {
             now_s: 0.0,
             cols: grid.cols(),
+            part: part.to_vec(),
             random: SeededRandom::new("fleet goals", seed),
             draw,
             giving: Giving::default(),
@@ -358,6 +361,33 @@ impl Assigner {
     /// Number of agents.
     pub fn agents(&self) -> usize {
         self.streams.len()
+    }
+
+    /// The reason why an agent cannot be [sent](Self::send) to a cell, if there is one.
+    pub fn can_send(&self, agent: u32, cell: u32) -> Result<(), String> {
+        let (agents, part) = (self.streams.len(), self.part.get(cell as usize));
+        let Some(stream) = self.streams.get(agent as usize) else {
+            return Err(format!("there is no robot {agent} among {agents}"));
+        };
+        match part {
+            _ if matches!(self.draw, Draw::Tasks(_)) => {
+                Err("robots of this fleet get their goals from tasks".into())
+            }
+            None | Some(0) => Err(format!("{cell} is no free cell of the map")),
+            Some(part) if *part != stream.part => {
+                Err(format!("robot {agent} cannot reach cell {cell}"))
+            }
+            _ if stream.last() == cell => Err(format!("robot {agent} goes to cell {cell} already")),
+            _ if stream.goals.len() >= MOST_UPCOMING => {
+                Err(format!("robot {agent} has {MOST_UPCOMING} goals already"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives an agent a goal after those that it has. Goals that are drawn come after it.
+    pub fn send(&mut self, agent: u32, cell: u32) {
+        self.streams[agent as usize].goals.push_back(cell);
     }
 
     /// Says what time it is: tasks are released and given, and goals reached, from now on then.

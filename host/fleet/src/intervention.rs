@@ -34,6 +34,13 @@ pub enum Intervention {
         /// The robot.
         agent: u32,
     },
+    /// A robot gets one more goal, after those that it has.
+    Send {
+        /// The robot.
+        agent: u32,
+        /// The cell of the goal.
+        cell: u32,
+    },
 }
 
 /// An intervention and when it took effect.
@@ -61,8 +68,9 @@ impl Intervention {
             Self::Open { cell } => (Some(cell), None, None),
             Self::Hold { agent, for_s } => (None, Some(agent), Some(for_s)),
             Self::Release { agent } => (None, Some(agent), None),
+            Self::Send { agent, cell } => (Some(cell), Some(agent), None),
         };
-        if cell.is_some() {
+        if matches!(self, Self::Close { .. } | Self::Open { .. }) {
             let closing = config.validate_closing();
             closing.map_err(|error| error.to_string())?;
         }

@@ -597,8 +597,7 @@ impl<'a> Run<'a> {
         let now_s = self.live.now_s();
         self.held.retain(|_, until_s| *until_s > now_s);
         while let Some(done) = self.done_then.pop_front_if(|done| done.block <= self.block) {
-            let fits = done.what.check(self.ground.grid, self.config);
-            if let Err(reason) = fits {
+            if let Err(reason) = self.can_do(done.what) {
                 let name = self
                     .answers
                     .replay()
@@ -613,8 +612,7 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         for what in watch.interventions() {
-            let fits = what.check(self.ground.grid, self.config);
-            if let Err(reason) = fits {
+            if let Err(reason) = self.can_do(what) {
                 watch.refused(what, &reason);
                 continue;
             }
@@ -626,6 +624,15 @@ impl<'a> Run<'a> {
             self.apply(what, now_s);
         }
         Ok(())
+    }
+
+    /// The reason why something cannot be done to the fleet, if there is one.
+    fn can_do(&self, what: Intervention) -> Result<(), String> {
+        what.check(self.ground.grid, self.config)?;
+        match what {
+            Intervention::Send { agent, cell } => self.assigner.can_send(agent, cell),
+            _ => Ok(()),
+        }
     }
 
     fn apply(&mut self, what: Intervention, now_s: f64) {
@@ -645,6 +652,7 @@ impl<'a> Run<'a> {
             Intervention::Release { agent } => {
                 self.held.remove(&agent);
             }
+            Intervention::Send { agent, cell } => self.assigner.send(agent, cell),
         }
     }
 

@@ -27,6 +27,7 @@ files![
     "jobs.js",
     "layers.js",
     "link.js",
+    "live.js",
     "main.js",
     "minimap.js",
     "panel-plan.js",

@@ -156,7 +156,7 @@ function jobChanged(id, before) {
   const job = jobs.get(id);
   panels.plan.drawJobs();
   if (job && before && before.state !== job.state && job.state === 'done') say(`job ${id} is done`);
-  if (job) watch.judged(job);
+  if (job) watch.changed(job);
   if (app.current === 'watch') panels.watch.draw();
 }
 
@@ -263,7 +263,7 @@ function drawTools() {
     id: `tool-${tool.id}`, role: 'radio', 'aria-checked': String(tool === tools.tool), tabIndex: tool === tools.tool ? 0 : -1,
   })));
   if (held) $(held)?.focus();
-  $('options').replaceChildren(...on ? [h('b', {}, tools.tool.name), ...optionsOf(tools.tool)] : [h('b', {}, 'Watching'), h('span', { class: 'hint' }, 'click a robot to follow it, drag to pan')]);
+  $('options').replaceChildren(...on ? [h('b', {}, tools.tool.name), ...optionsOf(tools.tool)] : [h('b', {}, 'Watching'), h('span', { class: 'hint' }, watch.live ? 'what a click does is chosen in the panel, drag to pan' : 'click a robot to follow it, drag to pan')]);
 }
 $('tools').addEventListener('keydown', (event) => {
   const all = tools.possible, step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key];
@@ -352,6 +352,9 @@ function fresh(ground, name) {
 
 const some = () => app.editing && selection.size > 0;
 const watching = () => !app.editing;
+const chosenRobot = () => watch.panes[0].recording.ids[watch.panes[0].scene.selected];
+/** True while a robot of a fleet that drives is chosen. */
+const driven = () => watching() && Boolean(watch.live) && watch.panes[0].scene.selected >= 0;
 const edit = (op) => { if (op) store.edit(op); };
 
 register(
@@ -402,13 +405,16 @@ register(
   { id: 'plan', name: 'Plan with the chosen planners', group: 'Plan', keys: ['Mod+Enter'], run: () => { tab('plan'); panels.plan.start(); } },
   { id: 'look', name: 'Look for planners again', group: 'Plan', run: () => { tab('plan'); panels.plan.look(); } },
 
-  { id: 'play', name: 'Play or pause', group: 'Watch', keys: ['Space', 'K'], when: watching, run: () => watch.clock.play(!watch.clock.playing) },
+  { id: 'play', name: 'Play or pause', group: 'Watch', keys: ['Space', 'K'], when: watching, run: () => watch.play() },
   ...[['back', 'Back by 1 s', 'ArrowLeft', -1], ['on', 'On by 1 s', 'ArrowRight', 1], ['back-10', 'Back by 10 s', 'Shift+ArrowLeft', -10], ['on-10', 'On by 10 s', 'Shift+ArrowRight', 10], ['frame-back', 'A frame back', ',', -1 / 60], ['frame-on', 'A frame on', '.', 1 / 60]]
-    .map(([id, name, key, by]) => ({ id, name, group: 'Watch', keys: [key], when: watching, run: () => { if (Math.abs(by) < 1) watch.clock.play(false); watch.clock.seek(watch.clock.now + by); } })),
-  { id: 'begin', name: 'To the start', group: 'Watch', keys: ['Home'], when: watching, run: () => watch.clock.seek(0) },
-  { id: 'end', name: 'To the end', group: 'Watch', keys: ['End'], when: watching, run: () => watch.clock.seek(watch.clock.end) },
-  { id: 'slower', name: 'Slower', group: 'Watch', keys: ['['], when: watching, run: () => { watch.clock.otherSpeed(-1); say(`speed ${watch.clock.speed}`); } },
-  { id: 'faster', name: 'Faster', group: 'Watch', keys: [']'], when: watching, run: () => { watch.clock.otherSpeed(1); say(`speed ${watch.clock.speed}`); } },
+    .map(([id, name, key, by]) => ({ id, name, group: 'Watch', keys: [key], when: watching, run: () => watch.by(by) })),
+  { id: 'begin', name: 'To the start', group: 'Watch', keys: ['Home'], when: watching, run: () => watch.goTo(0) },
+  { id: 'end', name: 'To the end', group: 'Watch', keys: ['End'], when: watching, run: () => watch.goTo(watch.clock.end) },
+  { id: 'slower', name: 'Slower', group: 'Watch', keys: ['['], when: watching, run: () => watch.otherSpeed(-1) },
+  { id: 'faster', name: 'Faster', group: 'Watch', keys: [']'], when: watching, run: () => watch.otherSpeed(1) },
+  { id: 'hold', name: 'Delay the chosen robot', group: 'Live fleet', keys: ['D'], when: driven, run: () => watch.live.hold(chosenRobot()) },
+  { id: 'break', name: 'Break the chosen robot, or repair it', group: 'Live fleet', keys: ['B'], when: driven, run: () => watch.live.break(chosenRobot()) },
+  { id: 'end-fleet', name: 'End the fleet with what it has', group: 'Live fleet', when: () => Boolean(watch.live), run: () => watch.live.stop() },
   { id: 'earlier', name: 'Contact or violation before', group: 'Watch', keys: ['P'], when: watching, run: () => watch.nextMoment(-1) },
   { id: 'later', name: 'Next contact or violation', group: 'Watch', keys: ['N'], when: watching, run: () => watch.nextMoment(1) },
 
@@ -501,14 +507,8 @@ async function begin() {
   ]);
   const wish = readLink();
   for (const name of wish.layers) if (name in layers.all) layers.show(name, true);
-  if (wish.watched.length) await watch.show(wish.watched, { tab: false, at: wish.time });
-  tab(TABS.some(([id]) => id === wish.tab) ? wish.tab : 'world');
-  if (wish.tool) tools.choose(wish.tool);
-  selection.set(wish.selection.filter((key) => selection.all().includes(key)));
-  if (wish.robot !== null && watch.open) watch.select(wish.robot, wish.follow);
-  if (wish.camera) app.view.look({ x: wish.camera[0], y: wish.camera[1], scale: wish.camera[2] });
-  new Feed({
-    text: heard, clip: () => {},
+  watch.feed = new Feed({
+    text: heard, clip: (job, bytes) => watch.clip(job, bytes),
     state: (on) => {
       $('connection').className = on ? '' : 'lost';
       $('connection').textContent = on ? 'connected' : 'no connection';
@@ -516,6 +516,12 @@ async function begin() {
       if (on) Promise.all([store.load(), jobs.load()]).catch(() => {});
     },
   });
+  if (wish.watched.length) await watch.show(wish.watched, { tab: false, at: wish.time });
+  tab(TABS.some(([id]) => id === wish.tab) ? wish.tab : 'world');
+  if (wish.tool) tools.choose(wish.tool);
+  selection.set(wish.selection.filter((key) => selection.all().includes(key)));
+  if (wish.robot !== null && watch.open) watch.select(wish.robot, wish.follow);
+  if (wish.camera) app.view.look({ x: wish.camera[0], y: wish.camera[1], scale: wish.camera[2] });
   begun = true;
   moved();
   document.documentElement.dataset.ready = 'true';

@@ -104,7 +104,7 @@ export function planPanel(app, node) {
   }
 
   /** Lifelong operation on the map: robots get new goals while planners plan. */
-  const fleet = { planner: null, agents: 20, duration_s: 120, model: 'pebble', seed: 1, delay: '' };
+  const fleet = { planner: null, agents: 20, duration_s: 120, model: 'pebble', seed: 1, delay: '', live: true };
 
   function fleetCard() {
     if (!store.map) return null;
@@ -120,20 +120,23 @@ export function planPanel(app, node) {
         field('Model', select(models, fleet.model, (model) => { fleet.model = model; }, { 'data-key': 'fleet-model' })),
         field('Seed', number(fleet.seed, (seed) => { fleet.seed = seed; }, { min: 0, step: 1, 'data-key': 'fleet-seed' })),
         field('Delays', h('input', { type: 'text', value: fleet.delay, placeholder: 'none, or bernoulli:0.1,2', 'data-key': 'fleet-delay', onchange: ({ target }) => { fleet.delay = target.value.trim(); } })),
-        h('div', { class: 'row' }, h('button', { type: 'button', class: 'primary', 'data-key': 'fleet-run', disabled: !ids.length, onclick: () => {
+        check('Live: watch it drive, and take part', fleet.live, (on) => { fleet.live = on; }, { 'data-key': 'fleet-live' }),
+        h('div', { class: 'row' }, h('button', { type: 'button', class: 'primary', 'data-key': 'fleet-run', disabled: !ids.length, onclick: async () => {
           const { delay, ...asked } = fleet;
-          begin({ fleet: { ...asked, ...(delay ? { delay } : {}) } }, { planner: fleet.planner, kind: 'fleet' });
+          const job = await begin({ fleet: { ...asked, ...(delay ? { delay } : {}) } }, { planner: fleet.planner, kind: 'fleet' });
+          if (job && fleet.live) app.watch.await(job.id);
         } }, 'Run the fleet'))));
   }
 
-  /** Asks for a job; false if it was refused. */
+  /** Asks for a job; null if it was refused. */
   async function begin(request, known) {
     try {
-      jobs.take({ state: 'queued', ...known, ...await api.start(request) });
-      return true;
+      const job = await api.start(request);
+      jobs.take({ state: 'queued', ...known, ...job });
+      return job;
     } catch (error) {
       store.refuse(error);
-      return false;
+      return null;
     }
   }
 
@@ -189,7 +192,7 @@ export function planPanel(app, node) {
     const facts = figuresOf(job);
     fill(card,
       h('h3', {}, h('span', {}, `${job.id}. ${nameOf(job)}`), job.stale ? h('span', { class: 'state', title: 'The document has changed since' }, 'of an older document') : null, h('span', { class: `state ${state[0]}` }, state[1])),
-      over ? null : h('p', { class: 'soft' }, plans.length ? `best so far ${tidy(plans.at(-1).cost, 2)}, claimed` : 'no plan yet'),
+      over ? null : h('p', { class: 'soft' }, job.kind === 'fleet' ? `${job.point?.goals_reached ?? 0} goals after ${tidy(job.point?.time_s ?? 0, 0)} s` : plans.length ? `best so far ${tidy(plans.at(-1).cost, 2)}, claimed` : 'no plan yet'),
       canvas,
       facts.length ? h('dl', { class: 'facts' }, ...facts.slice(0, 4).flatMap(([name, value]) => [h('dt', {}, name), h('dd', {}, value)])) : null,
       facts.length > 4 ? h('details', { class: 'more', open: job.open, ontoggle: ({ target }) => { job.open = target.open; } }, h('summary', { 'data-key': `record-${job.id}` }, 'Record'), h('dl', { class: 'facts' }, ...facts.slice(4).flatMap(([name, value]) => [h('dt', {}, name), h('dd', {}, value)]))) : null,
@@ -203,7 +206,8 @@ export function planPanel(app, node) {
           app.watch?.canShow(job) ? h('button', { type: 'button', class: 'primary', 'data-key': `watch-${job.id}`, onclick: () => app.watch.show(groupOf(job)) }, groupOf(job).length > 1 ? 'Watch side by side' : 'Watch') : null,
           h('button', { type: 'button', 'data-key': `remove-${job.id}`, onclick: () => attempt(api.remove(job.id)).then(() => jobs.refresh(job.id)) }, 'Remove'),
         ] : [
-          h('button', { type: 'button', class: 'primary', 'data-key': `stop-${job.id}`, title: 'Keeps the best plan', onclick: () => attempt(api.stop(job.id)) }, icon('stop'), 'Stop'),
+          app.watch?.drives(job) ? h('button', { type: 'button', class: 'primary', 'data-key': `watch-${job.id}`, onclick: () => app.watch.show([job.id]) }, 'Watch live') : null,
+          h('button', { type: 'button', class: app.watch?.drives(job) ? '' : 'primary', 'data-key': `stop-${job.id}`, title: 'Keeps the best plan', onclick: () => attempt(api.stop(job.id)) }, icon('stop'), 'Stop'),
           h('button', { type: 'button', 'data-key': `cancel-${job.id}`, onclick: () => attempt(api.cancel(job.id)) }, 'Cancel'),
         ]));
     if (canvas) new ResizeObserver(() => drawChart(canvas, plans, job)).observe(canvas);

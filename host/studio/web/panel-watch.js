@@ -4,6 +4,7 @@ import { h, fill, check, field, number, section, select, say, tidy } from './dom
 import { run } from './commands.js';
 import { theme } from './drawing.js';
 import { violationList } from './panel-plan.js';
+import { CLICKS } from './live.js';
 import { COLUMNS } from './survey.js';
 import { OVERLAYS } from './watch.js';
 
@@ -41,7 +42,7 @@ export function watchPanel(app, node) {
     if (!watch.open) return null;
     const walking = watch.panes.find((pane) => pane.surveying);
     return section('Show',
-      h('div', { class: 'pair' }, ...OVERLAYS.filter(([name]) => name !== 'annotations' || watch.panes.some(({ recording }) => recording.layers.length))
+      h('div', { class: 'pair' }, ...OVERLAYS.filter(([name]) => watch.live ? ['trails', 'numbers'].includes(name) : name !== 'annotations' || watch.panes.some(({ recording }) => recording.layers.length))
         .map(([name, title]) => check(title, watch.show_[name], (on) => watch.overlay(name, on), { 'data-key': `overlay-${name}` }))),
       watch.show_.reservations ? field('Window', number(watch.window_s, (value) => { watch.window_s = value; watch.stage.invalidate(); }, { min: 0.1, max: 600, 'data-key': 'window' }), 's') : null,
       field('Colour by', select(watch.colorings.map((by) => [by, COLORS[by]]), watch.coloring, (by) => watch.color(by), { 'data-key': 'color' })),
@@ -50,6 +51,35 @@ export function watchPanel(app, node) {
   }
 
   const legend = () => h('ul', { class: 'legend' }, ...STATES.map((state) => h('li', {}, h('i', { class: state }), state)));
+
+  /** What a fleet that drives says, and what is done to it. */
+  function live() {
+    const { live } = watch;
+    if (!live) return null;
+    const { job } = live, point = job.point ?? {}, { held, closed } = live.effects(watch.clock.end);
+    const per_s = point.time_s > 0 ? `${(point.goals_reached / point.time_s).toFixed(2)} per second` : '–';
+    const done = (all, word) => all.size ? `${all.size} ${word}` : 'none';
+    const id = watch.panes[0].scene.selected < 0 ? null : watch.panes[0].recording.ids[watch.panes[0].scene.selected];
+    const { rows, cols } = live.cells ?? { rows: 0, cols: 0 };
+    const cell = () => place.row * cols + place.col;
+    return section('The fleet, live',
+      h('dl', { class: 'facts' }, ...[['goals', `${point.goals_reached ?? 0}, ${per_s}`], ['robots held', done(held, 'held')], ['cells blocked', done(closed, 'blocked')]]
+        .flatMap(([name, value]) => [h('dt', {}, name), h('dd', {}, value)])),
+      field('A click is to', select(CLICKS, live.click, (click) => { live.click = click; }, { 'data-key': 'live-click' })),
+      h('div', { class: 'row' },
+        h('button', { type: 'button', disabled: id === null, 'data-key': 'live-hold', onclick: () => live.hold(id) }, 'Delay'),
+        h('button', { type: 'button', disabled: id === null, 'data-key': 'live-break', onclick: () => live.break(id) }, held.has(id) ? 'Repair' : 'Break'),
+        h('span', { class: 'grow soft' }, id === null ? 'the robot that is chosen' : `robot ${id}`)),
+      cols ? h('details', { class: 'more', open: place.open, ontoggle: ({ target }) => { place.open = target.open; } }, h('summary', { 'data-key': 'live-cell' }, 'A cell by its row and column'),
+        h('div', { class: 'pair' },
+          field('Row', number(place.row, (row) => { place.row = row; }, { min: 0, max: rows - 1, step: 1, 'data-key': 'live-row' })),
+          field('Column', number(place.col, (col) => { place.col = col; }, { min: 0, max: cols - 1, step: 1, 'data-key': 'live-col' }))),
+        h('div', { class: 'row' },
+          h('button', { type: 'button', 'data-key': 'live-close', onclick: () => live.close(cell()) }, 'Block or open it'),
+          h('button', { type: 'button', disabled: id === null, 'data-key': 'live-send', onclick: () => live.send(id, cell()) }, 'Send the robot there'))) : null,
+      h('p', { class: 'note' }, 'All that is done is in the recording of the fleet, and a replay does it again.'));
+  }
+  const place = { row: 0, col: 0, open: false };
 
   function robot() {
     if (!watch.open) return null;
@@ -68,7 +98,7 @@ export function watchPanel(app, node) {
   }
 
   function trouble() {
-    if (!watch.open) return null;
+    if (!watch.open || watch.live) return null;
     const parts = [];
     for (const pane of watch.panes) {
       const { recording, id } = pane, job = jobs.get(id);
@@ -85,7 +115,7 @@ export function watchPanel(app, node) {
   }
 
   function timelines() {
-    if (!watch.open) return null;
+    if (!watch.open || watch.live) return null;
     const { survey } = watch.panes[0];
     return section('All robots over time',
       survey ? lanes : h('div', { class: 'row' }, h('button', { type: 'button', 'data-key': 'walk', disabled: Boolean(watch.panes[0].surveying), onclick: () => { watch.look(watch.panes[0]); draw(); } }, 'Draw them')),
@@ -114,7 +144,7 @@ export function watchPanel(app, node) {
   }
 
   function draw() {
-    fill(node, chooser(), overlays(), robot(), trouble(), timelines(), facts());
+    fill(node, chooser(), live(), overlays(), robot(), trouble(), timelines(), facts());
     drawLanes();
   }
   return { draw, drawLanes };

@@ -12,6 +12,7 @@ import { $, h, icon, iconButton, say, select } from './dom.js';
 import { api } from './api.js';
 import { AGENTS, HEAT, theme, traceOutline } from './drawing.js';
 import { isOver, nameOf, verdictOf } from './jobs.js';
+import { Live, SPEEDS as PACES, effectsLayer } from './live.js';
 import { survey } from './survey.js';
 
 const MOST = 4;
@@ -36,17 +37,27 @@ export class Watch {
     this.listeners = [];
     /** Recordings that were opened from files: `{id, name}`. */
     this.files = new Map();
+    /** The feed, once it is there. */
+    this.feed = null;
+    /** What to show as soon as it drives, by its job. */
+    this.awaited = null;
     this.buildTransport();
     this.clock.held = () => this.panes.some(({ scene }) => !scene.known);
     this.clock.on('time', () => this.tellTime());
     this.clock.on('play', () => this.tellPlay());
-    this.clock.on('speed', () => { this.speed.value = String(this.clock.speed); });
+    this.clock.on('speed', () => { if (!this.live) this.speed.value = String(this.clock.speed); });
   }
 
   on(listener) { this.listeners.push(listener); }
   tell(what) { for (const listener of this.listeners) listener(what); }
 
-  canShow(job) { return Boolean(job.has?.trace) && isOver(job); }
+  canShow(job) { return Boolean(job.has?.trace) && isOver(job) || this.drives(job); }
+
+  /** True of a fleet that drives now, and can be watched. */
+  drives(job) { return Boolean(job?.live && job.has?.scene) && !isOver(job); }
+
+  /** The fleet that is watched while it drives. */
+  get live() { return this.panes[0]?.live ?? null; }
 
   /** What can be watched, as `[id, name]`. */
   get offers() {
@@ -66,7 +77,10 @@ export class Watch {
 
   /** Shows recordings side by side. Resolves once their first picture can be drawn. */
   async show(ids, { tab = true, at = null } = {}) {
-    const wanted = ids.slice(0, MOST);
+    // A fleet that drives has a time of its own.
+    const driving = ids.findLast((id) => this.drives(this.app.jobs.get(id)));
+    const wanted = driving === undefined ? ids.slice(0, MOST) : [driving];
+    if (driving !== undefined && this.live?.job.id === driving) return true;
     const metas = [];
     try {
       for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id)?.recording.meta ?? await api.meta(id, true));
@@ -75,10 +89,12 @@ export class Watch {
       return false;
     }
     this.close(false);
+    if (this.clock.speed < 0.1) this.clock.setSpeed(1);
     wanted.forEach((id, index) => this.addPane(id, metas[index]));
+    this.buildTransport();
     this.clock.end = Math.max(0, ...this.panes.map(({ recording }) => recording.end_s));
     this.seek.max = this.clock.end;
-    this.clock.seek(at ?? 0);
+    this.clock.seek(this.live ? 0 : at ?? 0);
     this.tellPlay();
     this.layout();
     if (tab) this.app.tab('watch');
@@ -96,16 +112,30 @@ export class Watch {
     stage.scene.setAttribute('aria-label', `${this.nameOf(id)}: map with robots. Arrow keys pan, plus and minus zoom, 0 shows everything.`);
     const recording = new Recording(meta);
     const load = async (from, to) => decode(await api.clip(id, from, to));
-    const motion = new Clips({
+    const job = this.app.jobs.get(id), live = this.drives(job) && this.feed
+      ? new Live({ job, feed: this.feed, recording, clock: this.clock, changed: () => { this.tellRange(); stage.invalidate(); } }) : null;
+    const motion = live?.motion ?? new Clips({
       bodies: meta.ids.length, end_s: meta.duration_s, rate_hz: meta.sample_s > 0 ? 1 / meta.sample_s : 10, load,
       arrived: () => stage.invalidate(),
     });
     const scene = new Scene(stage, recording, motion, this.clock);
-    const job = this.app.jobs.get(id), verdict = job ? verdictOf(job) : null;
-    const pane = { id, node, stage, recording, motion, scene, load, violations: verdict?.violations ?? [], survey: null, surveying: null };
+    const verdict = job ? verdictOf(job) : null;
+    const pane = { id, node, stage, recording, motion, scene, load, live, violations: verdict?.violations ?? [], survey: null, surveying: null };
     pane.title = h('p', { class: 'pane-title' }, this.titleOf(id, verdict));
     node.append(pane.title);
     pane.layers = [pathsLayer(pane), heatLayer(pane, 'usage'), heatLayer(pane, 'waiting'), reservations(this, pane), violations(pane)];
+    if (live) {
+      pane.layers.push(effectsLayer(pane));
+      live.failed = ({ what, reason }) => this.app.store.refuse({ message: `the fleet did not do ${what}: ${reason}`, hint: null });
+      // Before the stage makes a press a drag or a choice.
+      let chosen = -1;
+      stage.grab = () => { chosen = scene.selected; return null; };
+      stage.on('pick', (px, py) => {
+        const robot = scene.bodies.at(px, py);
+        // Whoever was chosen stays so, but for robots that something is done to.
+        if (live.clicked(robot, chosen, stage.fromX(px), stage.fromY(py))) scene.select(['hold', 'break'].includes(live.click) ? robot : chosen, false);
+      });
+    }
     for (const layer of pane.layers) stage.add(layer);
     stage.on('camera', () => this.link(pane));
     scene.on('selected', () => {
@@ -117,7 +147,47 @@ export class Watch {
     });
     this.panes.push(pane);
     this.apply(pane);
-    this.complete(pane);
+    if (!live) this.complete(pane);
+  }
+
+  /** Shows a fleet as soon as it drives. */
+  await(id) {
+    this.awaited = id;
+    const job = this.app.jobs.get(id);
+    if (job) this.changed(job);
+  }
+
+  /** Takes a clip of a fleet that drives. */
+  clip(id, bytes) {
+    const { live } = this;
+    if (live?.job.id !== id) return;
+    try {
+      live.take(bytes);
+    } catch (error) {
+      this.app.store.refuse(error);
+    }
+  }
+
+  /** A job is another than it was. */
+  changed(job) {
+    this.judged(job);
+    if (this.awaited === job.id && this.canShow(job)) {
+      this.awaited = null;
+      this.show([job.id]);
+      return;
+    }
+    const { live } = this;
+    if (live?.job.id !== job.id) return;
+    // What was driven is a recording now, with contacts and the work of the fleet.
+    if (isOver(job)) {
+      if (job.has?.trace) this.show([job.id], { tab: false, at: this.clock.now });
+      else this.close();
+      return;
+    }
+    live.told(job);
+    this.speed.value = String(job.live.speed);
+    this.tellPlay();
+    this.panes[0].stage.invalidate();
   }
 
   /** Adds what takes the server a walk through the whole recording: contacts, arrivals, the work of a fleet. */
@@ -165,6 +235,7 @@ export class Watch {
     this.clock.play(false);
     for (const pane of this.panes) {
       pane.surveying?.abort();
+      pane.live?.end();
       pane.scene.end();
       pane.stage.end();
       pane.node.remove();
@@ -217,7 +288,7 @@ export class Watch {
 
   /** Walks through the recording once, for what needs all of it. */
   async look(pane) {
-    if (pane.survey || pane.surveying) return;
+    if (pane.survey || pane.surveying || pane.live) return;
     pane.surveying = new AbortController();
     try {
       pane.survey = await survey(pane.recording, pane.load, pane.motion.window_s, {
@@ -284,15 +355,63 @@ export class Watch {
   // ---- The transport ---------------------------------------------------------------------
 
   buildTransport() {
-    const { clock } = this;
-    this.seek = h('input', { type: 'range', id: 'seek', min: 0, step: 'any', value: 0, 'aria-label': 'Time', oninput: () => clock.seek(Number(this.seek.value)) });
-    this.speed = select(SPEEDS.map((value) => [value, `${value}×`]), 1, (value) => clock.setSpeed(Number(value)), { 'aria-label': 'Speed', title: 'Speed ([ and ])' });
-    this.playButton = iconButton('play', 'Play', () => clock.play(!clock.playing), { id: 'play', title: 'Play or pause (Space)' });
+    const { clock, live } = this;
+    this.seek = h('input', { type: 'range', id: 'seek', min: 0, step: 'any', value: 0, 'aria-label': 'Time', oninput: () => this.goTo(Number(this.seek.value)) });
+    this.speed = live
+      ? select(PACES, live.job.live.speed, (value) => live.speed(Number(value)), { 'aria-label': 'Speed of the fleet', title: 'Simulated seconds per second' })
+      : select(SPEEDS.map((value) => [value, `${value}×`]), clock.speed, (value) => clock.setSpeed(Number(value)), { 'aria-label': 'Speed', title: 'Speed ([ and ])' });
+    this.playButton = iconButton('play', 'Play', () => this.play(), { id: 'play', title: 'Play or pause (Space)' });
     this.time = h('output', { id: 'clock', for: 'seek' });
-    $('transport').append(this.playButton,
-      iconButton('earlier', 'Contact or violation before', () => this.nextMoment(-1), { title: 'Contact or violation before (P)' }),
-      iconButton('later', 'Next contact or violation', () => this.nextMoment(1), { title: 'Next contact or violation (N)' }),
-      h('div', { id: 'seek-box' }, h('canvas', { id: 'marks', 'aria-hidden': 'true' }), this.seek), this.time, this.speed);
+    $('transport').replaceChildren(this.playButton,
+      ...live ? [
+        iconButton('later', 'One block further', () => live.step(), { id: 'step', title: 'Drives one block while the fleet stands still (.)' }),
+        iconButton('stop', 'End the fleet', () => live.stop(), { id: 'end-fleet', title: 'Ends the fleet with what it has' }),
+      ] : [
+        iconButton('earlier', 'Contact or violation before', () => this.nextMoment(-1), { title: 'Contact or violation before (P)' }),
+        iconButton('later', 'Next contact or violation', () => this.nextMoment(1), { title: 'Next contact or violation (N)' }),
+      ],
+      h('div', { id: 'seek-box' }, h('canvas', { id: 'marks', 'aria-hidden': 'true' }), this.seek),
+      live ? h('button', { type: 'button', id: 'to-now', onclick: () => this.goTo(clock.end) }, 'Live') : '', this.time, this.speed);
+  }
+
+  /** Plays or pauses: a recording, or the fleet itself. */
+  play() {
+    if (this.live) this.live.pause();
+    else this.clock.play(!this.clock.playing);
+  }
+
+  goTo(time_s) {
+    if (this.live) this.live.seek(time_s);
+    else this.clock.seek(time_s);
+  }
+
+  /** Goes so many seconds on. A step of a frame is one of a block where a fleet drives. */
+  by(step_s) {
+    const { live, clock } = this;
+    if (live && Math.abs(step_s) < 1) return void (step_s > 0 && live.step());
+    if (Math.abs(step_s) < 1) clock.play(false);
+    this.goTo(clock.now + step_s);
+  }
+
+  otherSpeed(step) {
+    const { live, clock } = this;
+    if (live) {
+      const at = PACES.findIndex(([value]) => value === live.job.live?.speed), next = PACES[Math.min(Math.max(at + step, 0), PACES.length - 1)];
+      live.speed(next[0]);
+      say(`speed ${next[1]}`);
+    } else {
+      clock.otherSpeed(step);
+      say(`speed ${clock.speed}`);
+    }
+  }
+
+  /** The times that can be seen of a fleet that drives. */
+  tellRange() {
+    const { live } = this;
+    if (!live) return;
+    Object.assign(this.seek, { min: live.earliest, max: this.clock.end });
+    $('to-now').setAttribute('aria-pressed', String(live.following));
+    this.tellTime();
   }
 
   tellTime() {
@@ -304,7 +423,7 @@ export class Watch {
   }
 
   tellPlay() {
-    const { playing } = this.clock;
+    const playing = this.live ? !this.live.job.live?.paused : this.clock.playing;
     this.playButton.setAttribute('aria-label', playing ? 'Pause' : 'Play');
     this.playButton.replaceChildren(icon(playing ? 'pause' : 'play'));
     this.app.moved();

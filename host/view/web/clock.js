@@ -14,6 +14,8 @@ export class Clock extends Emitter {
   now = 0;
   speed = 1;
   playing = false;
+  /** True while more is to come: time waits at the end, which moves. */
+  open = false;
   /** True while what is wanted has not arrived; then time stands. Asked in each frame. */
   held = () => false;
   #last_ms = null;
@@ -31,14 +33,14 @@ export class Clock extends Emitter {
     if (!this.held()) {
       this.now = Math.min(this.now + passed * this.speed, this.end);
       this.emit('time');
-      if (this.now >= this.end) this.play(false);
+      if (this.now >= this.end && !this.open) this.play(false);
     }
     return this.playing;
   }
 
   /** Plays, from the start again at the end, or pauses. */
   play(on = !this.playing) {
-    if (on && this.now >= this.end) this.now = 0;
+    if (on && this.now >= this.end && !this.open) this.now = 0;
     this.playing = on;
     this.#last_ms = null;
     wake();

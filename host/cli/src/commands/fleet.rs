@@ -863,8 +863,11 @@ impl Watch for Watcher {
     }
 
     fn intervened(&mut self, intervened: &Intervened) -> std::result::Result<(), InputError> {
-        if self.tee.live.is_some() {
-            say(&Line::Intervened(intervened));
+        if let Some(live) = &self.tee.live {
+            say(&Line::Intervened {
+                at_s: live.now_s(),
+                what: intervened,
+            });
         }
         match &mut self.recorder {
             Some(recorder) => recorder.intervened(intervened),

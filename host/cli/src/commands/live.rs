@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 use fleetyard_fleet::{Intervened, Intervention, Notice, Point};
 use fleetyard_sim::trace::{Entry, Header, Remark, States, Summary};
 use fleetyard_sim::{Event, TraceSink, TraceWriter};
-use fleetyard_view::{Clip, Recording, base64};
+use fleetyard_view::{Clip, Meta, Overview, Recording, base64};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::fleet::interrupted;
 use crate::exit::{Result, internal};
@@ -34,10 +35,10 @@ const SPEEDS: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 /// Between two looks for an interrupt.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// A line of standard input.
+/// A line of standard input that is about the run. Others are interventions.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-enum Command {
+#[serde(rename_all = "kebab-case")]
+enum Pace {
     /// Stands still, or goes on.
     Pause(bool),
     /// So many blocks while it stands still.
@@ -46,20 +47,6 @@ enum Command {
     Speed(f64),
     /// Ends the run with what it has.
     Stop(bool),
-    Close {
-        cell: u32,
-        for_s: f64,
-    },
-    Open {
-        cell: u32,
-    },
-    Hold {
-        agent: u32,
-        for_s: f64,
-    },
-    Release {
-        agent: u32,
-    },
 }
 
 /// A line of standard output.
@@ -68,9 +55,18 @@ enum Command {
 pub(super) enum Line<'a> {
     Clip(String),
     Point(&'a Point),
-    Intervened(&'a Intervened),
+    /// The world and the robots, before the first clip.
+    Meta(Box<Meta<'a>>),
+    Intervened {
+        at_s: f64,
+        #[serde(flatten)]
+        what: &'a Intervened,
+    },
     Doubt(&'a Notice),
-    Refused { what: String, reason: &'a str },
+    Refused {
+        what: String,
+        reason: &'a str,
+    },
 }
 
 /// Prints a line. A reader that went away is no reason to end the run.
@@ -88,6 +84,14 @@ struct Control {
     waiting: VecDeque<Intervention>,
 }
 
+/// The fault of a line that is neither of two things: of the one that it meant to be, if that is known.
+fn of_two(one: &serde_json::Error, other: &serde_json::Error) -> String {
+    let faults = [one.to_string(), other.to_string()];
+    let is_meant = |fault: &&String| !fault.starts_with("unknown variant");
+    let meant = faults.iter().find(is_meant);
+    meant.cloned().unwrap_or_else(|| faults.join(", or "))
+}
+
 /// The wishes of commands.
 #[derive(Debug, Default)]
 struct Ear {
@@ -102,41 +106,26 @@ impl Ear {
 
     /// Hears a line, or says why it makes no sense.
     fn hear(&self, line: &str) -> std::result::Result<(), String> {
-        let command: Command = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        let value: Value = serde_json::from_str(line).map_err(|error| error.to_string())?;
         let mut control = self.control();
-        let intervention = match command {
-            Command::Pause(paused) => {
+        match Pace::deserialize(&value) {
+            Ok(Pace::Pause(paused)) => {
                 control.paused = paused;
                 control.steps = 0;
-                None
             }
-            Command::Step(steps) => {
-                control.steps = control.steps.saturating_add(steps);
-                None
+            Ok(Pace::Step(steps)) => control.steps = control.steps.saturating_add(steps),
+            Ok(Pace::Speed(0.0)) => control.speed = None,
+            Ok(Pace::Speed(speed)) if SPEEDS.contains(&speed) => control.speed = Some(speed),
+            Ok(Pace::Speed(speed)) => return Err(format!("a speed of {speed}")),
+            Ok(Pace::Stop(stop)) => control.stop |= stop,
+            Err(no_pace) => {
+                let intervention = Intervention::deserialize(&value);
+                let intervention = intervention.map_err(|error| of_two(&no_pace, &error))?;
+                if control.waiting.len() >= WAITING {
+                    return Err(format!("{WAITING} interventions wait already"));
+                }
+                control.waiting.push_back(intervention);
             }
-            Command::Speed(0.0) => {
-                control.speed = None;
-                None
-            }
-            Command::Speed(speed) if SPEEDS.contains(&speed) => {
-                control.speed = Some(speed);
-                None
-            }
-            Command::Speed(speed) => return Err(format!("a speed of {speed}")),
-            Command::Stop(stop) => {
-                control.stop |= stop;
-                None
-            }
-            Command::Close { cell, for_s } => Some(Intervention::Close { cell, for_s }),
-            Command::Open { cell } => Some(Intervention::Open { cell }),
-            Command::Hold { agent, for_s } => Some(Intervention::Hold { agent, for_s }),
-            Command::Release { agent } => Some(Intervention::Release { agent }),
-        };
-        if let Some(intervention) = intervention {
-            if control.waiting.len() >= WAITING {
-                return Err(format!("{WAITING} interventions wait already"));
-            }
-            control.waiting.push_back(intervention);
         }
         drop(control);
         self.heard.notify_all();
@@ -203,6 +192,12 @@ impl Live {
     /// Interventions that were asked for since the last block.
     pub(super) fn interventions(&self) -> Vec<Intervention> {
         self.ear.control().waiting.drain(..).collect()
+    }
+
+    /// Simulated seconds that were shown.
+    pub(super) fn now_s(&self) -> f64 {
+        let last = self.clips.last.as_ref();
+        last.map_or(0.0, |last| last.tick as f64 / self.clips.ticks_hz)
     }
 
     /// Waits until a block of so many seconds may be driven.
@@ -313,7 +308,10 @@ impl TraceSink for Clips {
     }
 
     fn begin(&mut self, header: &Header) -> io::Result<()> {
-        self.recording = Some(Recording::of_trace("", header));
+        let recording = Recording::of_trace("", header);
+        self.recording = Some(recording.clone());
+        let overview = Overview::new(recording);
+        say(&Line::Meta(Box::new(overview.meta(None))));
         self.ticks_hz = f64::from(header.ticks_hz);
         self.stride = (self.ticks_hz / SAMPLES_HZ).round().max(1.0) as u64;
         Ok(())

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use self::ask::{ANNOTATIONS, Command, Kind, Order, PLAN, TRACE};
-use self::process::{Document, Process};
+use self::process::{Document, Process, USUAL_SPEED};
 use crate::answer::{Refused, Result};
 
 /// Jobs that run at once.
@@ -31,6 +31,9 @@ const AT_ONCE: usize = 2;
 const KNOWN: usize = 256;
 /// Most plans of a run that are told of; the newest is always among them.
 const INCUMBENTS: usize = 2000;
+
+/// Most interventions in a live fleet that are told of, the newest.
+const INTERVENTIONS: usize = 256;
 
 /// The document of which a job is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -68,6 +71,81 @@ impl State {
     }
 }
 
+/// A line of `run --follow` or `fleet --live`.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Line {
+    Incumbent(Value),
+    Record(Value),
+    Point(Value),
+    Clip(String),
+    #[serde(untagged)]
+    Said(Said),
+}
+
+/// A line of a live fleet about what it is, and what was done to it.
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Said {
+    Meta(Value),
+    Intervened(Value),
+    Refused(Value),
+}
+
+/// A live fleet as far as it has said.
+#[derive(Debug, Serialize)]
+struct Live {
+    /// Its description for the viewer, before the first clip.
+    #[serde(skip)]
+    scene: Option<Arc<[u8]>>,
+    paused: bool,
+    /// Simulated seconds per second; 0 for as many as can be.
+    speed: f64,
+    interventions: VecDeque<Value>,
+    /// The number of commands that were refused, and the last of them with the reason.
+    refused: u64,
+    refusal: Option<Value>,
+}
+
+impl Live {
+    fn new() -> Self {
+        Self {
+            scene: None,
+            paused: false,
+            speed: USUAL_SPEED,
+            interventions: VecDeque::new(),
+            refused: 0,
+            refusal: None,
+        }
+    }
+
+    fn hear(&mut self, said: Said) {
+        match said {
+            Said::Meta(meta) => self.scene = serde_json::to_vec(&meta).ok().map(Arc::from),
+            Said::Intervened(what) => {
+                if self.interventions.len() >= INTERVENTIONS {
+                    self.interventions.pop_front();
+                }
+                self.interventions.push_back(what);
+            }
+            Said::Refused(what) => {
+                self.refused += 1;
+                self.refusal = Some(what);
+            }
+        }
+    }
+
+    /// Notes a command that was sent.
+    fn sent(&mut self, what: &Value) {
+        if let Some(paused) = what["pause"].as_bool() {
+            self.paused = paused;
+        }
+        if let Some(speed) = what["speed"].as_f64() {
+            self.speed = speed;
+        }
+    }
+}
+
 #[derive(Debug)]
 struct Job {
     order: Order,
@@ -84,6 +162,7 @@ struct Job {
     incumbents: Vec<Value>,
     /// The newest figures of a live fleet.
     point: Option<Value>,
+    live: Option<Live>,
     results: BTreeMap<&'static str, Value>,
     exit: Option<i32>,
     error: Option<String>,
@@ -114,8 +193,13 @@ impl Job {
             "error": self.error,
             "incumbents": self.incumbents,
             "point": self.point,
-            "live": self.order.commands.iter().any(|command| command.live),
-            "has": {"plan": has(PLAN), "trace": has(TRACE), "annotations": has(ANNOTATIONS)},
+            "live": self.live,
+            "has": {
+                "plan": has(PLAN),
+                "trace": has(TRACE),
+                "annotations": has(ANNOTATIONS),
+                "scene": self.live.as_ref().is_some_and(|live| live.scene.is_some()),
+            },
         })
     }
 
@@ -224,7 +308,9 @@ impl Jobs {
             )
             .hint("delete some that have ended"));
         }
+        let is_live = order.commands.iter().any(|command| command.live);
         let job = Job {
+            live: is_live.then(Live::new),
             order,
             group,
             origin,
@@ -291,6 +377,12 @@ impl Jobs {
         Err(Refused::unknown("file of this job"))
     }
 
+    /// The description of a live fleet, if it has begun to drive.
+    pub(crate) fn scene(&self, id: u32) -> Option<Arc<[u8]>> {
+        let known = self.shared.known();
+        known.jobs.get(&id)?.live.as_ref()?.scene.clone()
+    }
+
     /// The plan of a job that has ended, and its view.
     pub(crate) fn plan(&self, id: u32) -> Result<(PathBuf, Representation)> {
         let (view, is_over) = self.with(id, |job| Ok((job.order.view, job.state.is_over())))?;
@@ -337,12 +429,20 @@ impl Jobs {
     /// Tells a live fleet something.
     pub(crate) fn control(&self, id: u32, what: &Value) -> Result<()> {
         let process = self.with(id, |job| {
-            let is_live = job.order.commands.iter().any(|command| command.live);
-            Ok(job.process.clone().filter(|_| is_live))
+            Ok(job.process.clone().filter(|_| job.live.is_some()))
         })?;
-        let said = process.is_some_and(|process| process.say(&what.to_string()));
-        said.then_some(())
-            .ok_or_else(|| Refused::new(StatusCode::CONFLICT, "the job is no live fleet that runs"))
+        if !process.is_some_and(|process| process.say(&what.to_string())) {
+            let reason = "the job is no live fleet that runs";
+            return Err(Refused::new(StatusCode::CONFLICT, reason));
+        }
+        self.with(id, |job| {
+            if let Some(live) = &mut job.live {
+                live.sent(what);
+            }
+            Ok(())
+        })?;
+        self.shared.changed(id);
+        Ok(())
     }
 
     /// Forgets a job that has ended, and removes its folder.
@@ -523,15 +623,6 @@ impl Shared {
 
     /// Takes a line of a command; false where it is too much.
     fn line(&self, id: u32, command: &Command, line: &[u8], document: &mut Document) -> bool {
-        /// A line of `run --follow` or `fleet --live`.
-        #[derive(Deserialize)]
-        #[serde(rename_all = "kebab-case")]
-        enum Line {
-            Incumbent(Value),
-            Record(Value),
-            Point(Value),
-            Clip(String),
-        }
         if command.kind == Kind::Simulate || (command.kind == Kind::Fleet && !command.live) {
             return document.push(line);
         }
@@ -551,6 +642,11 @@ impl Shared {
                 job.results.insert(result_key(command.kind), record);
             }
             Line::Point(point) => job.point = Some(point),
+            Line::Said(said) => {
+                if let Some(live) = &mut job.live {
+                    live.hear(said);
+                }
+            }
             Line::Clip(clip) => {
                 drop(known);
                 if let Some(clip) = from_base64(&clip) {

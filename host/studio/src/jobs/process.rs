@@ -16,6 +16,9 @@ use super::ask::Command;
 /// This program, also where its file was replaced meanwhile.
 const PROGRAM: &str = "/proc/self/exe";
 
+/// The speed of live fleets until somebody says otherwise: people watch, and a second takes a second.
+pub(crate) const USUAL_SPEED: f64 = 1.0;
+
 /// Longest line of standard output: a record with its violations.
 const LINE_BYTES: u64 = 64 << 20;
 /// Most bytes of standard output that are no lines of their own.
@@ -87,8 +90,7 @@ impl Process {
             return Err(io::Error::other("the pipes are missing"));
         };
         if command.live {
-            // People watch: a second takes a second until they say otherwise.
-            process.say("{\"speed\":1}");
+            process.say(&format!("{{\"speed\":{USUAL_SPEED}}}"));
         }
         Ok((process, Streams { stdout, stderr }))
     }

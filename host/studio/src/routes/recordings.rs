@@ -44,12 +44,18 @@ async fn meta(
     Path(id): Path<u32>,
     Query(Quick { quick }): Query<Quick>,
 ) -> Result<Response> {
-    let (path, annotations) = (studio.trace(id)?, studio.jobs.file(id, ANNOTATIONS).ok());
+    let json = [(CONTENT_TYPE, "application/json")];
+    let trace = studio.trace(id);
+    // A live fleet has no trace before it ends.
+    if let (Err(_), Some(scene)) = (&trace, studio.jobs.scene(id)) {
+        return Ok((json, scene.to_vec()).into_response());
+    }
+    let (path, annotations) = (trace?, studio.jobs.file(id, ANNOTATIONS).ok());
     apart(move || {
         let meta = studio
             .recordings
             .meta(id, &path, annotations.as_deref(), quick)?;
-        Ok(([(CONTENT_TYPE, "application/json")], meta.to_vec()).into_response())
+        Ok((json, meta.to_vec()).into_response())
     })
     .await
 }
