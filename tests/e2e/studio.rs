@@ -453,13 +453,11 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         return;
     };
     studio.page.click("#to-plan");
+    // The panel grows once it is known what is installed.
     studio
         .page
-        .until("document.querySelector('[data-key=\"fleet\"]')");
+        .until("document.querySelector('[data-key=\"fleet-run\"]')?.disabled === false");
     studio.page.click("[data-key=\"fleet\"]");
-    studio
-        .page
-        .until("!document.querySelector('[data-key=\"fleet-run\"]').disabled");
     studio.page.click("[data-key=\"fleet-run\"]");
     // It is shown as soon as it drives, and time goes on.
     studio
@@ -519,5 +517,7 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         "!studio.watch.live && studio.watch.panes[0]?.id === {job}"
     ));
     studio.page.until("studio.watch.panes[0].scene.known");
+    let end = studio.page.eval("studio.watch.clock.end").as_f64().unwrap();
+    assert!(end >= before, "{end} s, after {before} s were seen");
     studio.has_no_errors();
 }

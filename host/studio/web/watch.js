@@ -83,13 +83,13 @@ export class Watch {
     if (driving !== undefined && this.live?.job.id === driving) return true;
     const metas = [];
     try {
-      for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id)?.recording.meta ?? await api.meta(id, true));
+      for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id && !pane.live)?.recording.meta ?? await api.meta(id, true));
     } catch (error) {
       this.app.store.refuse(error);
       return false;
     }
     this.close(false);
-    if (this.clock.speed < 0.1) this.clock.setSpeed(1);
+    if (!SPEEDS.includes(this.clock.speed)) this.clock.setSpeed(1);
     wanted.forEach((id, index) => this.addPane(id, metas[index]));
     this.buildTransport();
     this.clock.end = Math.max(0, ...this.panes.map(({ recording }) => recording.end_s));
