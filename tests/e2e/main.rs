@@ -37,6 +37,8 @@ mod simulate;
 mod slurm;
 mod studio;
 mod studio_document;
+mod studio_page;
+mod studio_pictures;
 mod studio_server;
 mod trace;
 mod tutorials;

@@ -2,60 +2,49 @@
 //! same with keys alone.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 
 use fleetyard_testkit::browser::chromium;
 use fleetyard_testkit::devtools::Page;
-use fleetyard_testkit::{Started, Yard, root};
+use fleetyard_testkit::studio::Studio as Server;
+use fleetyard_testkit::{Yard, root};
 use serde_json::Value;
 
 /// A studio with a page, both of which end with this.
-struct Studio {
-    page: Page,
-    command: Started,
-    _yard: Yard,
-}
-
-impl Drop for Studio {
-    fn drop(&mut self) {
-        for process in self.command.processes() {
-            process.signal("TERM");
-        }
-        let _ = self.command.child.wait();
-    }
+pub(crate) struct Studio {
+    pub(crate) page: Page,
+    /// The same as scripts have it.
+    pub(crate) server: Server,
+    pub(crate) yard: Yard,
 }
 
 impl Studio {
     /// None where there is no browser, which is said.
-    fn open(files: &[PathBuf], size: [u32; 2]) -> Option<Self> {
+    pub(crate) fn open(files: &[PathBuf], size: [u32; 2]) -> Option<Self> {
+        Self::open_in(Yard::new(), files, size)
+    }
+
+    /// The same in a folder that has files already.
+    pub(crate) fn open_in(yard: Yard, files: &[PathBuf], size: [u32; 2]) -> Option<Self> {
         let Some(browser) = chromium() else {
             eprintln!("skipped: there is no Chromium");
             return None;
         };
-        let yard = Yard::new();
-        let mut arguments = vec!["studio".to_owned(), "--no-open".to_owned()];
-        arguments.extend(files.iter().map(|file| file.display().to_string()));
-        let mut command = yard.start(&arguments);
-        let mut stdout = BufReader::new(command.child.stdout.take().unwrap());
-        let mut address = String::new();
-        stdout.read_line(&mut address).unwrap();
-        let page = Page::open(browser, &yard.path("."), address.trim(), size);
-        let mut studio = Self {
-            page,
-            command,
-            _yard: yard,
-        };
+        let mut arguments = vec![PathBuf::from("--no-open")];
+        arguments.extend_from_slice(files);
+        let server = Server::with_arguments(&yard, &arguments);
+        let page = Page::open(browser, &yard.path("."), &server.address(), size);
+        let mut studio = Self { page, server, yard };
         studio.ready();
         Some(studio)
     }
 
-    fn ready(&mut self) {
+    pub(crate) fn ready(&mut self) {
         self.page.until("document.documentElement.dataset.ready");
     }
 
     /// A point of the world in the window.
-    fn at(&mut self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn at(&mut self, [x, y]: [f64; 2]) -> [f64; 2] {
         let script = format!(
             "(() => {{ const box = studio.stage.scene.getBoundingClientRect(); \
              return [box.left + studio.stage.toX({x}), box.top + studio.stage.toY({y})]; }})()"
@@ -64,38 +53,38 @@ impl Studio {
         [0, 1].map(|axis| at[axis].as_f64().unwrap())
     }
 
-    fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+    pub(crate) fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
         let (from, to) = (self.at(from), self.at(to));
         self.page.drag(from, to);
     }
 
     /// Waits until the server has all edits.
-    fn settled(&mut self) {
+    pub(crate) fn settled(&mut self) {
         self.page
             .until("studio.store.pending.length === 0 && !studio.store.busy");
         let refusal = self.page.eval("studio.store.refusal?.message ?? null");
         assert!(refusal.is_null(), "{refusal}");
     }
 
-    fn document(&mut self) -> Value {
+    pub(crate) fn document(&mut self) -> Value {
         self.settled();
         self.page.eval("studio.store.document")
     }
 
-    fn digest(&mut self) -> Value {
+    pub(crate) fn digest(&mut self) -> Value {
         self.settled();
         self.page.eval("studio.store.digest")
     }
 
     /// Opens a file with the button, and waits for what is then there.
-    fn choose(&mut self, files: &[PathBuf], there: &str) {
+    pub(crate) fn choose(&mut self, files: &[PathBuf], there: &str) {
         self.page.choose("#file", files);
         self.page.until(there);
         self.settled();
     }
 
     /// Everything that can have the focus says what it is.
-    fn is_named(&mut self, place: &str) {
+    pub(crate) fn is_named(&mut self, place: &str) {
         let found = self.page.focusable();
         assert!(found.len() > 10, "{place}: {found:?}");
         let unnamed: Vec<_> = found
@@ -105,7 +94,7 @@ impl Studio {
         assert!(unnamed.is_empty(), "{place}: {unnamed:?} of {found:?}");
     }
 
-    fn has_no_errors(&self) {
+    pub(crate) fn has_no_errors(&self) {
         assert!(self.page.errors.is_empty(), "{:?}", self.page.errors);
     }
 }
@@ -336,7 +325,7 @@ fn everything_can_be_done_with_keys() {
     let page = &mut studio.page;
     page.key("Ctrl+Enter");
     page.until("studio.jobs.list.some((job) => job.state === 'done' && studio.watch.canShow(job))");
-    page.eval("document.querySelector('.job .primary').focus()");
+    page.tab_to(".job .primary");
     page.key("Enter");
     page.until("studio.watch.open && studio.watch.panes[0].scene.known");
     page.key("Escape");
@@ -385,80 +374,6 @@ fn what_the_server_refuses_is_said_and_taken_back() {
     studio.has_no_errors();
 }
 
-#[test]
-fn waits_reservations_delays_and_priorities_are_drawn_and_told() {
-    let task = root().join("maps/two-rooms.task.json");
-    let Some(mut studio) = Studio::open(&[task], [1280, 800]) else {
-        return;
-    };
-    let page = &mut studio.page;
-    page.eval("studio.store.edit({ op: 'scatter', count: 12, seed: 1, replace: true })");
-    page.until("studio.store.agents.length === 12");
-    page.eval(
-        "(() => { window.ask = (path, body) => fetch('/api' + path, { method: body ? 'POST' : 'GET', body: body && JSON.stringify(body) }).then((answer) => answer.json()); \
-         return ask('/planners', {}).then(() => ask('/jobs', { run: { planner: 'pp', view: 'grid', budget_ms: 2000, annotations: true, execute: { policy: 'adg', delay: 'bernoulli:0.3,3s', seed: 1 } } })); })()",
-    );
-    page.until("studio.jobs.list.length === 1 && studio.jobs.list[0].state === 'done' && studio.watch.canShow(studio.jobs.list[0])");
-    page.eval("studio.watch.show([studio.jobs.list[0].id])");
-    page.until("studio.watch.panes[0]?.scene.known");
-
-    // A moment at which somebody waits for somebody: an arrow, and words.
-    let change = page.eval(
-        "ask(`/recordings/${studio.watch.ids[0]}/waits?from_s=0&to_s=1000`).then(({ changes }) => changes.find(([time, , other]) => time > 0 && other !== null))",
-    );
-    let (time, agent, other) = (&change[0], &change[1], &change[2]);
-    let picture = "studio.watch.stage.draw(), studio.watch.stage.over.toDataURL()";
-    page.eval(&format!(
-        "(studio.watch.clock.seek({time}), studio.watch.select({agent}, false))"
-    ));
-    let without = page.eval(picture);
-    page.eval("studio.watch.overlay('waits', true)");
-    page.until(&format!(
-        "document.querySelector('#chain').textContent.startsWith('Robot {agent} waits for {other}')"
-    ));
-    assert_ne!(page.eval(picture), without);
-    page.until("/^\\d+ of 12 robots? waits?/.test(document.querySelector('#waits').textContent)");
-    page.click(&format!("#waits [data-key=wait-{other}]"));
-    page.until(&format!(
-        "studio.watch.panes[0].recording.ids[studio.watch.panes[0].scene.selected] === {other}"
-    ));
-    page.eval("studio.watch.clock.seek(studio.watch.clock.end)");
-    page.until("document.querySelector('#waits').textContent.startsWith('Nobody waits')");
-
-    // A cycle is no recording of this simulator: it is marked where one comes from elsewhere.
-    let cycle = page.eval(
-        "import('/waits.js').then(({ chainOf, cyclesOf, inWords }) => { const all = new Map([[4, 9], [9, 2], [2, 4], [7, 9], [3, 'message'], [1, 3]]); \
-         return [cyclesOf(all), inWords(chainOf(all, 7)), inWords(chainOf(all, 1)), inWords(chainOf(all, 5))]; })",
-    );
-    let told = serde_json::json!([
-        [[2, 4, 9]],
-        "waits for 9, which waits for 2, which waits for 4, which waits for 9: a cycle",
-        "waits for 3, which waits for a message",
-        "waits for nobody"
-    ]);
-    assert_eq!(cycle, told);
-
-    // Reservations are those of the plan.
-    page.eval("(studio.watch.clock.seek(1), studio.watch.overlay('reservations', true))");
-    page.until("studio.watch.panes[0].reserved?.view === 'grid' && document.querySelector('#tab-watch').textContent.includes('Cells that the plan keeps')");
-
-    // Colours by delay and by priority, with what they mean at both ends, and the robot's own in words.
-    page.eval("studio.watch.color('delay')");
-    page.until("studio.watch.panes[0].scene.coloring === 'delay'");
-    page.eval("studio.watch.clock.seek(studio.watch.clock.end)");
-    page.until("/^\\d/.test(document.querySelector('#longest').textContent) && /so far$/.test(document.querySelector('#own-wait').textContent)");
-    let colors = page.eval("[...new Set(studio.watch.panes[0].scene.bodies.colors)].length");
-    assert!(colors.as_u64().unwrap() > 1, "{colors}");
-    page.until("studio.watch.colorings.includes('priority')");
-    page.eval("studio.watch.color('priority')");
-    let ranks = page
-        .eval("[...studio.watch.panes[0].recording.priorities.of.values()].sort((a, b) => a - b)");
-    assert_eq!(ranks, serde_json::json!((0..12).collect::<Vec<_>>()));
-    page.until("document.querySelector('#tab-watch').textContent.includes('first: 1')");
-    studio.is_named("the overlays");
-    studio.has_no_errors();
-}
-
 /// The pictures of `docs/studio.md`, made anew with `FLEETYARD_UPDATE=1`.
 #[test]
 fn pictures_of_the_page_are_made_by_a_command() {
@@ -501,7 +416,7 @@ fn pictures_of_the_page_are_made_by_a_command() {
 }
 
 /// Bytes of base64, as browsers write it.
-fn decoded(text: &str) -> Vec<u8> {
+pub(crate) fn decoded(text: &str) -> Vec<u8> {
     const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut bits, mut count) = (0u32, 0);
@@ -527,11 +442,13 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         return;
     };
     studio.page.click("#to-plan");
-    // The panel grows once it is known what is installed.
     studio
         .page
-        .until("document.querySelector('[data-key=\"fleet-run\"]')?.disabled === false");
+        .until("document.querySelector('[data-key=\"fleet\"]')");
     studio.page.click("[data-key=\"fleet\"]");
+    studio
+        .page
+        .until("!document.querySelector('[data-key=\"fleet-run\"]').disabled");
     studio.page.click("[data-key=\"fleet-run\"]");
     // It is shown as soon as it drives, and time goes on.
     studio
@@ -591,7 +508,5 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         "!studio.watch.live && studio.watch.panes[0]?.id === {job}"
     ));
     studio.page.until("studio.watch.panes[0].scene.known");
-    let end = studio.page.eval("studio.watch.clock.end").as_f64().unwrap();
-    assert!(end >= before, "{end} s, after {before} s were seen");
     studio.has_no_errors();
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::Stdio;
 
 use fleetyard_testkit::studio::{Studio, next_text};
-use fleetyard_testkit::{INPUT, SUCCESS, Yard, have, root, until, words};
+use fleetyard_testkit::{INPUT, SUCCESS, USAGE, Yard, have, root, until, words};
 use serde_json::{Value, json};
 
 /// Folders of jobs of all studios of a yard.
@@ -248,6 +248,23 @@ fn a_job_gives_what_the_command_line_gives() {
         .get(&format!("/api/recordings/{id}/trace"))
         .expect(200);
     assert_eq!(trace.body, yard.read("run.trace"));
+    let path = format!("/api/recordings/{id}/trace");
+    let bearer = format!("Bearer {}", studio.token);
+    let range = |range: &str| {
+        let headers = [("Authorization", bearer.as_str()), ("Range", range)];
+        studio.with("GET", &path, &headers, b"")
+    };
+    let part = range("bytes=10-19").expect(206);
+    assert_eq!(part.body, trace.body[10..20]);
+    assert_eq!(
+        part.header("content-range"),
+        format!("bytes 10-19/{}", trace.body.len())
+    );
+    assert_eq!(
+        range("bytes=-7").expect(206).body[..],
+        trace.body[trace.body.len() - 7..]
+    );
+    range(&format!("bytes={}-", trace.body.len())).expect(416);
     let meta = studio
         .get(&format!("/api/recordings/{id}/meta"))
         .expect(200)
@@ -491,172 +508,132 @@ fn a_studio_says_why_it_does_not_begin() {
     studio.end("INT").expect(SUCCESS);
 }
 
-/// Twelve robots in two rooms, which meet at the doors.
-fn twelve(yard: &Yard) -> Studio {
-    let studio = two_rooms(yard);
-    studio.edit(&json!({"op": "scatter", "count": 12, "seed": 1, "replace": true}));
-    studio
-}
-
-fn done(studio: &Studio, asked: &Value) -> Value {
-    let job = studio.post("/api/jobs", asked).expect(200).json();
-    let job = studio.wait_for(&job);
-    assert_eq!(job["state"], "done", "{job}");
-    job["id"].clone()
-}
-
+/// A file of many parts is sent part by part: the studio never has all of it in memory.
+#[cfg(target_os = "linux")]
 #[test]
-fn the_server_tells_who_waits_for_whom() {
+fn a_large_trace_is_not_read_into_memory() {
+    use std::io::{Read, Write};
+
+    const WHOLE: u64 = 300 << 20;
     let yard = Yard::new();
-    let studio = twelve(&yard);
-    let conduct = json!({"policy": "adg", "delay": "bernoulli:0.3,3s", "seed": 1});
-    let execute = |conduct: &Value| {
-        let more = json!({"options": {"anytime": false}, "execute": conduct});
-        done(&studio, &run("lacam", &more))
-    };
-    let id = execute(&conduct);
-    let ask = |id: &Value, from: f64, to: f64| {
-        let path = format!("/api/recordings/{id}/waits?from_s={from}&to_s={to}");
-        studio.get(&path).expect(200).json()
-    };
-    let changes = |from: f64, to: f64| ask(&id, from, to)["changes"].as_array().unwrap().clone();
-    let all = changes(0.0, 1000.0);
-    assert!(all.len() > 10, "{all:?}");
-    let time = |change: &Value| change[0].as_f64().unwrap();
-    assert!(all.is_sorted_by(|a, b| time(a) <= time(b)));
-    for change in &all {
-        let (agent, other) = (&change[1], &change[2]);
-        assert!(agent.as_u64().unwrap() < 12);
-        assert!(
-            other.is_null() || (other.as_u64().unwrap() < 12 && other != agent),
-            "{change}"
-        );
-    }
-    // A window begins with the waits that hold then, and goes on with those that begin in it.
-    let standing = |changes: &[Value], at: f64| {
-        let mut standing = std::collections::BTreeMap::new();
-        for change in changes.iter().filter(|change| time(change) <= at) {
-            match &change[2] {
-                Value::Null => standing.remove(&change[1].as_u64()),
-                _ => standing.insert(change[1].as_u64(), change.clone()),
-            };
+    copy_rooms(&yard);
+    yard.line(&format!(
+        "run --task {ROOMS} --planner plane-pp --budget 5s --plan-out plan.json"
+    ))
+    .expect(SUCCESS);
+    yard.line(&format!(
+        "simulate plan.json --task {ROOMS} --trace long.trace"
+    ))
+    .expect(SUCCESS);
+    // What follows a trace is damage, which is no reason not to hand the file out.
+    let file = fs::File::options()
+        .write(true)
+        .open(yard.path("long.trace"));
+    file.unwrap().set_len(WHOLE).unwrap();
+    let studio = Studio::start(&yard, "long.trace");
+    let id = studio.get("/api/recordings").json()[0]["id"].clone();
+    let mut stream = std::net::TcpStream::connect(("127.0.0.1", studio.port)).unwrap();
+    let head = format!(
+        "GET /api/recordings/{id}/trace HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nConnection: close\r\nAuthorization: Bearer {}\r\n\r\n",
+        studio.port, studio.token
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    let (mut buffer, mut read) = (vec![0; 1 << 20], 0);
+    loop {
+        match stream.read(&mut buffer).unwrap() {
+            0 => break,
+            some => read += some as u64,
         }
-        standing
-    };
-    let end = time(all.last().unwrap());
-    for from in [0.0, 0.25 * end, 0.5 * end, end, end + 10.0] {
-        let window = changes(from, from + 2.0);
-        for at in [from, from + 1.0, from + 2.0] {
-            assert_eq!(standing(&window, at), standing(&all, at), "{at} in {from}");
-        }
-        assert!(
-            window
-                .iter()
-                .all(|change| time(change) <= from + 2.0 + 0.02)
-        );
     }
-    assert!(standing(&all, end).is_empty(), "all arrive");
-    // By time nobody waits for anybody, which is said; so it is of a trace that was opened.
-    let by_time = execute(&json!({"policy": "time"}));
-    let told = ask(&by_time, 0.0, 10.0);
+    assert!(read > WHOLE, "{read}");
+    let status = fs::read_to_string(format!("/proc/{}/status", studio.process())).unwrap();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let peak = peak.unwrap().split_whitespace().next().unwrap();
+    let peak_kb: u64 = peak.parse().unwrap();
+    assert!(peak_kb < WHOLE / 2048, "{peak_kb} KiB");
+    studio.end("INT").expect(SUCCESS);
+}
+
+/// Only `--bind` opens a studio to others, and says what that means.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_studio_is_open_to_others_only_where_that_is_asked_for() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let elsewhere = |port: u16| std::net::TcpStream::connect(("127.0.0.2", port));
+    assert!(elsewhere(studio.port).is_err());
+    let named = |studio: &Studio| {
+        let head = format!(
+            "GET /api/studio HTTP/1.1\r\nHost: 127.0.0.2:{}\r\nConnection: close\r\nAuthorization: Bearer {}\r\n\r\n",
+            studio.port, studio.token
+        );
+        studio.send(&head, b"")
+    };
+    let refused = named(&studio).expect(421).json();
+    assert!(refused["error"].is_string() && refused["hint"].is_string());
+    let ended = studio.end("INT").expect(SUCCESS);
+    assert_eq!(ended.stderr, "");
+
+    let studio = Studio::start(&yard, &format!("--bind 0.0.0.0 {ROOMS}"));
+    assert!(elsewhere(studio.port).is_ok());
+    named(&studio).expect(200);
+    // Nobody gets in without the token there, either.
+    assert_eq!(studio.with("GET", "/api/studio", &[], b"").status, 401);
+    let ended = studio.end("INT").expect(SUCCESS);
     assert!(
-        told["why"].as_str().unwrap().contains("times of the plan"),
-        "{told}"
+        ended.stderr.contains("0.0.0.0") && ended.stderr.contains("can do here what you can"),
+        "{ended}"
     );
-    let trace = studio.get(&format!("/api/recordings/{id}/trace")).body;
-    let opened = studio
-        .ask("POST", "/api/open?name=a.trace", &trace)
-        .expect(200)
-        .json();
-    assert_eq!(
-        ask(&opened["recording"]["id"], 0.0, 1000.0)["changes"],
-        json!(all)
-    );
-    for wrong in [
-        "from_s=2&to_s=1",
-        "from_s=0",
-        "from_s=0&to_s=nan",
-        "from_s=0&to_s=1&rate=1",
-    ] {
-        studio
-            .get(&format!("/api/recordings/{id}/waits?{wrong}"))
-            .expect(422);
-    }
-    studio
-        .get("/api/recordings/99/waits?from_s=0&to_s=1")
-        .expect(404);
-    studio.end("INT").expect(SUCCESS);
+    yard.line("studio --no-open --bind 203.0.113.7")
+        .expect(INPUT);
+    yard.line("studio --no-open --bind everywhere")
+        .expect(USAGE);
 }
 
+/// The browser is what `xdg-open` starts. It gets an address that lets in once.
+#[cfg(target_os = "linux")]
 #[test]
-fn the_server_tells_what_a_plan_reserves() {
-    let yard = Yard::new();
-    let studio = twelve(&yard);
-    let document = studio.get("/api/document").json()["document"].clone();
-    let end = |agent: usize, end: &str| {
-        [0, 1].map(|axis| document["agents"][agent][end][axis].as_f64().unwrap())
-    };
-    let near = |place: &Value, at: [f64; 2], far: f64| {
-        (0..2).all(|axis| (place[3 + axis].as_f64().unwrap() - at[axis]).abs() <= far)
-    };
-    for (planner, view) in [("lacam", "grid"), ("roadmap-pp", "roadmap")] {
-        let id = done(&studio, &run(planner, &json!({"view": view})));
-        let ask = |from: f64, to: f64| {
-            let path = format!("/api/jobs/{id}/reservations?from_s={from}&to_s={to}");
-            let told = studio.get(&path).expect(200).json();
-            assert_eq!(
-                (&told["view"], &told["complete"]),
-                (&json!(view), &json!(true))
-            );
-            told
-        };
-        let begin = ask(0.0, 0.0);
-        let far = begin["side_m"].as_f64().map_or(1e-6, |side| 0.51 * side);
-        let held = |told: &Value, agent: usize| -> Vec<Value> {
-            let own = told["held"].as_array().unwrap().iter();
-            own.filter(|place| place[0] == agent).cloned().collect()
-        };
-        let late = ask(1e6, 1e6 + 1.0);
-        let middle = ask(2.0, 5.0);
-        for agent in 0..12 {
-            let places = held(&begin, agent);
-            assert!(
-                places
-                    .iter()
-                    .any(|place| near(place, end(agent, "start"), far)),
-                "{places:?}"
-            );
-            let places = held(&late, agent);
-            assert_eq!(places.len(), 1, "{view}: {places:?}");
-            assert!(near(&places[0], end(agent, "goal"), far), "{places:?}");
-            // Somewhere at any time: what is held follows on what was held.
-            let mut until = 2.0;
-            for place in held(&middle, agent) {
-                let [from, to] = [1, 2].map(|at| place[at].as_f64().unwrap());
-                assert!(
-                    from <= until + 1e-9 && from <= to,
-                    "{view}, {agent}: {place}"
-                );
-                until = f64::max(until, to);
-            }
-            assert!((until - 5.0).abs() < 1e-9, "{view}, {agent}: {until}");
-        }
-        let edges = middle["held"].as_array().unwrap().iter();
-        let edges = edges
-            .filter(|place| place.as_array().unwrap().len() == 7)
-            .count();
-        assert_eq!(edges > 0, view == "roadmap");
+fn a_studio_opens_a_browser_or_says_that_there_is_none() {
+    use std::os::unix::fs::PermissionsExt;
+
+    for works in [true, false] {
+        let yard = Yard::new();
+        let folder = yard.path("programs");
+        fs::create_dir(&folder).unwrap();
+        let opener = yard.write(
+            "programs/xdg-open",
+            format!("#!/bin/sh\nprintf %s \"$*\" > opened.part\nmv opened.part opened\n{works}\n"),
+        );
+        fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
+        let usual = std::env::var("PATH").unwrap();
+        let yard = yard.set("PATH", &format!("{}:{usual}", folder.display()));
+        copy_rooms(&yard);
+        let studio = Studio::with_arguments(&yard, &[ROOMS]);
+        assert!(until(|| yard.path("opened").exists()));
+        let address = String::from_utf8(yard.read("opened")).unwrap();
+        assert!(!address.contains(&studio.token), "{address}");
+        let origin = format!("http://127.0.0.1:{}", studio.port);
+        let path = address.strip_prefix(&origin).unwrap();
+        let door = studio.with("GET", path, &[], b"").expect(303);
+        let cookie = door.header("set-cookie").split(';').next().unwrap();
         studio
-            .get(&format!("/api/jobs/{id}/reservations?from_s=3&to_s=2"))
-            .expect(422);
+            .with("GET", door.header("location"), &[("Cookie", cookie)], b"")
+            .expect(200);
+        assert_eq!(studio.with("GET", path, &[], b"").status, 401);
+        if works {
+            let ended = studio.end("INT").expect(SUCCESS);
+            assert_eq!(ended.stderr, "");
+            continue;
+        }
+        // It is said as soon as the opener has ended.
+        assert!(until(|| studio.processes().len() == 1));
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        let ended = studio.end("INT").expect(SUCCESS);
+        assert!(
+            ended.stderr.contains("no browser could be started"),
+            "{ended}"
+        );
     }
-    let plane = done(&studio, &run("plane-pp", &json!({"view": "continuous"})));
-    let refused = studio.get(&format!("/api/jobs/{plane}/reservations?from_s=0&to_s=1"));
-    assert!(refused.expect(422).json()["hint"].is_string());
-    studio
-        .get("/api/jobs/99/reservations?from_s=0&to_s=1")
-        .expect(404);
-    studio.end("INT").expect(SUCCESS);
 }
 
 /// Leaves out of an answer what differs between runs and builds.
@@ -742,16 +719,6 @@ fn the_protocol_is_as_it_was() {
     ask(
         "GET",
         &format!("/api/recordings/{}/meta?quick=true", job["id"]),
-        &none,
-    );
-    ask(
-        "GET",
-        &format!("/api/recordings/{}/waits?from_s=0&to_s=2", job["id"]),
-        &none,
-    );
-    ask(
-        "GET",
-        &format!("{path}/reservations?from_s=0&to_s=0.25"),
         &none,
     );
     ask("GET", "/api/artefacts", &none);

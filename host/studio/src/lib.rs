@@ -20,11 +20,9 @@ mod jobs;
 mod place;
 mod planners;
 mod recordings;
-mod reservations;
 mod routes;
 mod scratch;
 mod server;
-mod waits;
 mod web;
 
 pub use answer::Refused;

@@ -39,6 +39,8 @@ impl Page {
         let profile = folder.join("profile");
         let child = Command::new(browser)
             .args(["--headless", "--no-sandbox", "--disable-gpu"])
+            // WebGL by the processor, for pages that ask for it.
+            .arg("--enable-unsafe-swiftshader")
             .args(["--disable-dev-shm-usage", "--no-first-run"])
             .arg("--remote-debugging-port=0")
             .arg(format!("--window-size={width},{height}"))
@@ -223,6 +225,42 @@ impl Page {
         for name in names {
             self.key(name);
         }
+    }
+
+    /// Presses Tab until an element of a selector has the focus.
+    #[track_caller]
+    pub fn tab_to(&mut self, selector: &str) {
+        let there = format!("document.activeElement?.matches({selector:?})");
+        for _ in 0..200 {
+            if self.eval(&there) == true {
+                return;
+            }
+            self.key("Tab");
+        }
+        panic!("Tab leads to no {selector}");
+    }
+
+    /// Drops files on a point of the window, as the page is told of it: a browser without a window takes none
+    /// from elsewhere.
+    pub fn drop_files(&mut self, [x, y]: [f64; 2], files: &[PathBuf]) {
+        let named = files.iter().map(|file| {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            json!([name, fs::read(file).unwrap()])
+        });
+        let named: Vec<Value> = named.collect();
+        self.eval(&format!(
+            "(() => {{ const dataTransfer = new DataTransfer(); \
+             for (const [name, bytes] of {}) dataTransfer.items.add(new File([Uint8Array.from(bytes)], name)); \
+             for (const kind of ['dragenter', 'dragover', 'drop']) document.elementFromPoint({x}, {y}) \
+             .dispatchEvent(new DragEvent(kind, {{ bubbles: true, cancelable: true, dataTransfer }})); }})()",
+            json!(named)
+        ));
+    }
+
+    /// Prefers dark colours, or light ones.
+    pub fn prefer(&mut self, scheme: &str) {
+        let features = json!([{"name": "prefers-color-scheme", "value": scheme}]);
+        self.call("Emulation.setEmulatedMedia", &json!({"features": features}));
     }
 
     /// Types a text where the focus is.

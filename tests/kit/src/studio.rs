@@ -1,9 +1,11 @@
 //! A studio that runs, and requests to it over plain sockets.
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read, Write};
+use std::iter;
 use std::net::TcpStream;
-use std::process::{ExitStatus, Stdio};
+use std::process::ExitStatus;
 
 use serde_json::Value;
 use tungstenite::{Message, WebSocket, client};
@@ -57,11 +59,14 @@ impl Reply {
 impl Studio {
     /// Starts a studio without a browser, with more arguments.
     pub fn start(yard: &Yard, more: &str) -> Self {
-        let mut arguments = words("studio --no-open");
-        arguments.extend(words(more));
-        let mut started = yard.start_with(crate::fleetyard(), &arguments, |command| {
-            command.stdin(Stdio::null());
-        });
+        Self::with_arguments(yard, &words(&format!("--no-open {more}")))
+    }
+
+    /// Starts a studio with these arguments alone: with a browser, unless they say otherwise.
+    pub fn with_arguments<S: AsRef<OsStr>>(yard: &Yard, arguments: &[S]) -> Self {
+        let arguments = arguments.iter().map(AsRef::as_ref);
+        let arguments: Vec<_> = iter::once("studio".as_ref()).chain(arguments).collect();
+        let mut started = yard.start(&arguments);
         let stdout = started.child.stdout.take().unwrap();
         let mut stdout = BufReader::new(stdout);
         let mut address = String::new();

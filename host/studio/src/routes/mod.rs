@@ -3,6 +3,7 @@
 mod document;
 mod jobs;
 mod recordings;
+mod sent;
 
 use std::path::Path as FilePath;
 use std::pin::Pin;
@@ -13,12 +14,11 @@ use axum::Router;
 use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, Request, State};
-use axum::http::header::{CONTENT_TYPE, LOCATION, SET_COOKIE};
+use axum::http::header::{LOCATION, SET_COOKIE};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::get;
-use fleetyard_core::read_file;
 use fleetyard_sim::motion::{PRESETS, Profile};
 use serde_json::{Value, json};
 use tokio::io::AsyncWriteExt;
@@ -35,8 +35,6 @@ use crate::web;
 
 /// Most bytes of a request that is no document and no file.
 pub(crate) const SMALL: usize = 1 << 16;
-/// Most bytes of a file that is sent whole.
-const SENT_BYTES: u64 = 1 << 30;
 /// Bytes by which a file is known.
 const BEGIN: usize = 64;
 /// Longest message of a page.
@@ -133,13 +131,6 @@ async fn into_file(
         let _ = tokio::fs::remove_dir_all(folder).await;
     }
     received
-}
-
-/// A file as an answer.
-async fn send_file(path: &FilePath, media_type: &'static str) -> Result<Response> {
-    let path = path.to_owned();
-    let bytes = apart(move || Ok(read_file(&path, SENT_BYTES)?)).await?;
-    Ok(([(CONTENT_TYPE, media_type)], bytes).into_response())
 }
 
 /// Does work that takes a while where it keeps no other request waiting.

@@ -6,25 +6,25 @@ use std::sync::Arc;
 use axum::Router;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
+use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::get;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::{Shared, apart, send_file};
+use super::sent::send_file;
+use super::{Shared, apart};
 use crate::answer::{Refused, Result};
 use crate::jobs::ask::{ANNOTATIONS, TRACE};
-use crate::recordings::{Span, Window, clip as make_clip};
+use crate::recordings::{Window, clip as make_clip};
 use crate::server::Studio;
-use crate::waits::waits as find_waits;
 
 pub(super) fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/recordings", get(all))
         .route("/api/recordings/{id}/meta", get(meta))
         .route("/api/recordings/{id}/clip", get(clip))
-        .route("/api/recordings/{id}/waits", get(waits))
         .route("/api/recordings/{id}/trace", get(trace))
         .route("/api/recordings/{id}/annotations", get(annotations))
 }
@@ -76,22 +76,21 @@ async fn clip(
     .await
 }
 
-async fn waits(
+async fn trace(State(studio): Shared, Path(id): Path<u32>, asked: HeaderMap) -> Result<Response> {
+    send_file(&studio.trace(id)?, "application/octet-stream", &asked).await
+}
+
+async fn annotations(
     State(studio): Shared,
     Path(id): Path<u32>,
-    span: std::result::Result<Query<Span>, QueryRejection>,
-) -> Result<Json<Value>> {
-    let Query(span) = span.map_err(|error| Refused::value(error.body_text()))?;
-    let path = studio.trace(id)?;
-    apart(move || Ok(Json(find_waits(&path, span)?))).await
-}
-
-async fn trace(State(studio): Shared, Path(id): Path<u32>) -> Result<Response> {
-    send_file(&studio.trace(id)?, "application/octet-stream").await
-}
-
-async fn annotations(State(studio): Shared, Path(id): Path<u32>) -> Result<Response> {
-    send_file(&studio.jobs.file(id, ANNOTATIONS)?, "application/json").await
+    asked: HeaderMap,
+) -> Result<Response> {
+    send_file(
+        &studio.jobs.file(id, ANNOTATIONS)?,
+        "application/json",
+        &asked,
+    )
+    .await
 }
 
 impl Studio {
