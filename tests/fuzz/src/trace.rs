@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use fleetyard_sim::TraceWriter;
-use fleetyard_sim::trace::{Frame, Standing, TraceContents, TraceReader, read_trace};
+use fleetyard_sim::trace::{Frame, Standing, TraceContents, TraceReader, Waits, read_trace};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::check_error;
@@ -34,7 +34,7 @@ fn read(data: &[u8]) {
     assert_eq!(contents.intact_bytes, data.len() as u64);
     let bytes = writer.into_inner();
     let again = read_trace(&bytes[..], SOURCE).expect("a trace");
-    if contents.entries > 0 && contents.states > 0 {
+    if contents.entries + contents.waits > 0 && contents.states > 0 {
         let all = standing(&bytes, None);
         let last = contents.last_tick.unwrap_or(0);
         for tick in [0, last / 2, last] {
@@ -49,21 +49,22 @@ fn read(data: &[u8]) {
     assert_eq!(place(again), place(contents));
 }
 
-/// The open entries at the end of a journal that is read from a tick on, or as a whole.
-fn standing(bytes: &[u8], from: Option<u64>) -> Standing {
+/// The open entries at the end of a journal that is read from a tick on, or as a whole, and who waits then.
+fn standing(bytes: &[u8], from: Option<u64>) -> (Standing, Waits) {
     let mut reader = TraceReader::open(Cursor::new(bytes), SOURCE).expect("a trace");
     let mut standing = Standing::new(reader.header().agents);
+    let mut waits = Waits::default();
     if let Some(tick) = from {
         reader.seek(tick).expect("there is an index");
     }
     while let Some(frame) = reader.next_frame().expect("it was read before") {
-        if let Frame::Journal(entries) = frame {
-            for entry in entries {
-                standing.note(entry);
-            }
+        match frame {
+            Frame::Journal(entries) => entries.iter().for_each(|entry| standing.note(entry)),
+            Frame::Waits(changes) => changes.iter().for_each(|change| waits.note(change)),
+            _ => {}
         }
     }
-    standing
+    (standing, waits)
 }
 
 /// The bytes with the checks of all frames as they should be, and the digest of the file.
