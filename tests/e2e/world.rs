@@ -216,6 +216,25 @@ fn maps_have_allowed_moves() {
 }
 
 #[test]
+fn the_map_of_a_task_is_not_replaced() {
+    let yard = Yard::new();
+    for name in ["maze-21-21-1.map", "maze.task.json"] {
+        std::fs::copy(root().join("maps").join(name), yard.path(name)).unwrap();
+    }
+    let before = std::fs::read(yard.path("maze-21-21-1.map")).unwrap();
+    let ended = yard
+        .line("world grid maze.task.json --name maze-21-21-1")
+        .expect(INPUT);
+    assert!(ended.stderr.contains("another name"), "{ended}");
+    assert_eq!(
+        std::fs::read(yard.path("maze-21-21-1.map")).unwrap(),
+        before
+    );
+    yard.line("world grid maze.task.json --name other")
+        .expect(SUCCESS);
+}
+
+#[test]
 fn what_cannot_be_derived_ends_with_a_reason_and_a_way_out() {
     let yard = Yard::new();
     let rooms = task("two-rooms.task.json");

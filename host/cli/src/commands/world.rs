@@ -10,7 +10,7 @@ use fleetyard_core::{
 };
 use fleetyard_view::{Picture, World};
 use fleetyard_views::{
-    Builder, BuilderKind, GridSpec, GridView, OverlayReport, OverlaySpec, Problem,
+    Builder, BuilderKind, GridSpec, GridView, OverlayReport, OverlaySpec, Place, Problem,
     RoadmapParameters, RoadmapSpec, Sampling, grid_to_roadmap, grid_to_world, load_problem,
     roadmap_to_grid, roadmap_to_world, world_to_grid, world_to_roadmap,
 };
@@ -18,6 +18,7 @@ use fleetyard_world::write_workspace;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::convert::refuse_input;
 use crate::args::{Format, VIEW, connectivity, picture, word};
 use crate::exit::{Exit, Result, internal};
 use crate::files::{check_name, drawn, file_name};
@@ -392,6 +393,10 @@ fn grid(arguments: &GridArgs) -> Result<Exit> {
     };
     let (instance, grid) = (&view.instance, view.instance.grid());
     let (map, scen) = (out.file(task, "map")?, out.file(task, "scen")?);
+    if let Place::Map { file, .. } = &problem.task.place {
+        let own = task.parent().unwrap_or(Path::new("")).join(file);
+        refuse_input(&map, &[&own])?;
+    }
     let ends = instance.starts().iter().zip(instance.goals());
     let ends = ends.map(|(start, goal)| (*start, *goal));
     let scenario = Scenario::of(grid, &file_name(&map), ends);
