@@ -374,6 +374,80 @@ fn what_the_server_refuses_is_said_and_taken_back() {
     studio.has_no_errors();
 }
 
+#[test]
+fn waits_reservations_delays_and_priorities_are_drawn_and_told() {
+    let task = root().join("maps/two-rooms.task.json");
+    let Some(mut studio) = Studio::open(&[task], [1280, 800]) else {
+        return;
+    };
+    let page = &mut studio.page;
+    page.eval("studio.store.edit({ op: 'scatter', count: 12, seed: 1, replace: true })");
+    page.until("studio.store.agents.length === 12");
+    page.eval(
+        "(() => { window.ask = (path, body) => fetch('/api' + path, { method: body ? 'POST' : 'GET', body: body && JSON.stringify(body) }).then((answer) => answer.json()); \
+         return ask('/planners', {}).then(() => ask('/jobs', { run: { planner: 'pp', view: 'grid', budget_ms: 2000, annotations: true, execute: { policy: 'adg', delay: 'bernoulli:0.3,3s', seed: 1 } } })); })()",
+    );
+    page.until("studio.jobs.list.length === 1 && studio.jobs.list[0].state === 'done' && studio.watch.canShow(studio.jobs.list[0])");
+    page.eval("studio.watch.show([studio.jobs.list[0].id])");
+    page.until("studio.watch.panes[0]?.scene.known");
+
+    // A moment at which somebody waits for somebody: an arrow, and words.
+    let change = page.eval(
+        "ask(`/recordings/${studio.watch.ids[0]}/waits?from_s=0&to_s=1000`).then(({ changes }) => changes.find(([time, , other]) => time > 0 && other !== null))",
+    );
+    let (time, agent, other) = (&change[0], &change[1], &change[2]);
+    let picture = "studio.watch.stage.draw(), studio.watch.stage.over.toDataURL()";
+    page.eval(&format!(
+        "(studio.watch.clock.seek({time}), studio.watch.select({agent}, false))"
+    ));
+    let without = page.eval(picture);
+    page.eval("studio.watch.overlay('waits', true)");
+    page.until(&format!(
+        "document.querySelector('#chain').textContent.startsWith('Robot {agent} waits for {other}')"
+    ));
+    assert_ne!(page.eval(picture), without);
+    page.until("/^\\d+ of 12 robots? waits?/.test(document.querySelector('#waits').textContent)");
+    page.click(&format!("#waits [data-key=wait-{other}]"));
+    page.until(&format!(
+        "studio.watch.panes[0].recording.ids[studio.watch.panes[0].scene.selected] === {other}"
+    ));
+    page.eval("studio.watch.clock.seek(studio.watch.clock.end)");
+    page.until("document.querySelector('#waits').textContent.startsWith('Nobody waits')");
+
+    // A cycle is no recording of this simulator: it is marked where one comes from elsewhere.
+    let cycle = page.eval(
+        "import('/waits.js').then(({ chainOf, cyclesOf, inWords }) => { const all = new Map([[4, 9], [9, 2], [2, 4], [7, 9], [3, 'message'], [1, 3]]); \
+         return [cyclesOf(all), inWords(chainOf(all, 7)), inWords(chainOf(all, 1)), inWords(chainOf(all, 5))]; })",
+    );
+    let told = serde_json::json!([
+        [[2, 4, 9]],
+        "waits for 9, which waits for 2, which waits for 4, which waits for 9: a cycle",
+        "waits for 3, which waits for a message",
+        "waits for nobody"
+    ]);
+    assert_eq!(cycle, told);
+
+    // Reservations are those of the plan.
+    page.eval("(studio.watch.clock.seek(1), studio.watch.overlay('reservations', true))");
+    page.until("studio.watch.panes[0].reserved?.view === 'grid' && document.querySelector('#tab-watch').textContent.includes('Cells that the plan keeps')");
+
+    // Colours by delay and by priority, with what they mean at both ends, and the robot's own in words.
+    page.eval("studio.watch.color('delay')");
+    page.until("studio.watch.panes[0].scene.coloring === 'delay'");
+    page.eval("studio.watch.clock.seek(studio.watch.clock.end)");
+    page.until("/^\\d/.test(document.querySelector('#longest').textContent) && /so far$/.test(document.querySelector('#own-wait').textContent)");
+    let colors = page.eval("[...new Set(studio.watch.panes[0].scene.bodies.colors)].length");
+    assert!(colors.as_u64().unwrap() > 1, "{colors}");
+    page.until("studio.watch.colorings.includes('priority')");
+    page.eval("studio.watch.color('priority')");
+    let ranks = page
+        .eval("[...studio.watch.panes[0].recording.priorities.of.values()].sort((a, b) => a - b)");
+    assert_eq!(ranks, serde_json::json!((0..12).collect::<Vec<_>>()));
+    page.until("document.querySelector('#tab-watch').textContent.includes('first: 1')");
+    studio.is_named("the overlays");
+    studio.has_no_errors();
+}
+
 /// The pictures of `docs/studio.md`, made anew with `FLEETYARD_UPDATE=1`.
 #[test]
 fn pictures_of_the_page_are_made_by_a_command() {
@@ -442,13 +516,11 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         return;
     };
     studio.page.click("#to-plan");
+    // The panel grows once it is known what is installed.
     studio
         .page
-        .until("document.querySelector('[data-key=\"fleet\"]')");
+        .until("document.querySelector('[data-key=\"fleet-run\"]')?.disabled === false");
     studio.page.click("[data-key=\"fleet\"]");
-    studio
-        .page
-        .until("!document.querySelector('[data-key=\"fleet-run\"]').disabled");
     studio.page.click("[data-key=\"fleet-run\"]");
     // It is shown as soon as it drives, and time goes on.
     studio
@@ -508,5 +580,7 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         "!studio.watch.live && studio.watch.panes[0]?.id === {job}"
     ));
     studio.page.until("studio.watch.panes[0].scene.known");
+    let end = studio.page.eval("studio.watch.clock.end").as_f64().unwrap();
+    assert!(end >= before, "{end} s, after {before} s were seen");
     studio.has_no_errors();
 }

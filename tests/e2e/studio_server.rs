@@ -508,6 +508,174 @@ fn a_studio_says_why_it_does_not_begin() {
     studio.end("INT").expect(SUCCESS);
 }
 
+/// Twelve robots in two rooms, which meet at the doors.
+fn twelve(yard: &Yard) -> Studio {
+    let studio = two_rooms(yard);
+    studio.edit(&json!({"op": "scatter", "count": 12, "seed": 1, "replace": true}));
+    studio
+}
+
+fn done(studio: &Studio, asked: &Value) -> Value {
+    let job = studio.post("/api/jobs", asked).expect(200).json();
+    let job = studio.wait_for(&job);
+    assert_eq!(job["state"], "done", "{job}");
+    job["id"].clone()
+}
+
+#[test]
+fn the_server_tells_who_waits_for_whom() {
+    let yard = Yard::new();
+    let studio = twelve(&yard);
+    let conduct = json!({"policy": "adg", "delay": "bernoulli:0.3,3s", "seed": 1});
+    let execute = |conduct: &Value| {
+        let more = json!({"options": {"anytime": false}, "execute": conduct});
+        done(&studio, &run("lacam", &more))
+    };
+    let id = execute(&conduct);
+    let ask = |id: &Value, from: f64, to: f64| {
+        let path = format!("/api/recordings/{id}/waits?from_s={from}&to_s={to}");
+        studio.get(&path).expect(200).json()
+    };
+    let changes = |from: f64, to: f64| ask(&id, from, to)["changes"].as_array().unwrap().clone();
+    let all = changes(0.0, 1000.0);
+    assert!(all.len() > 10, "{all:?}");
+    let time = |change: &Value| change[0].as_f64().unwrap();
+    assert!(all.is_sorted_by(|a, b| time(a) <= time(b)));
+    for change in &all {
+        let (agent, other) = (&change[1], &change[2]);
+        assert!(agent.as_u64().unwrap() < 12);
+        assert!(
+            other.is_null() || (other.as_u64().unwrap() < 12 && other != agent),
+            "{change}"
+        );
+    }
+    // A window begins with the waits that hold then, and goes on with those that begin in it.
+    let standing = |changes: &[Value], at: f64| {
+        let mut standing = std::collections::BTreeMap::new();
+        for change in changes.iter().filter(|change| time(change) <= at) {
+            match &change[2] {
+                Value::Null => standing.remove(&change[1].as_u64()),
+                _ => standing.insert(change[1].as_u64(), change.clone()),
+            };
+        }
+        standing
+    };
+    let end = time(all.last().unwrap());
+    for from in [0.0, 0.25 * end, 0.5 * end, end, end + 10.0] {
+        let window = changes(from, from + 2.0);
+        for at in [from, from + 1.0, from + 2.0] {
+            assert_eq!(standing(&window, at), standing(&all, at), "{at} in {from}");
+        }
+        assert!(
+            window
+                .iter()
+                .all(|change| time(change) <= from + 2.0 + 0.02)
+        );
+    }
+    assert!(standing(&all, end).is_empty(), "all arrive");
+    // By time nobody waits for anybody, which is said; so it is of a trace that was opened.
+    let by_time = execute(&json!({"policy": "time"}));
+    let told = ask(&by_time, 0.0, 10.0);
+    assert!(
+        told["why"].as_str().unwrap().contains("times of the plan"),
+        "{told}"
+    );
+    let trace = studio.get(&format!("/api/recordings/{id}/trace")).body;
+    let opened = studio
+        .ask("POST", "/api/open?name=a.trace", &trace)
+        .expect(200)
+        .json();
+    assert_eq!(
+        ask(&opened["recording"]["id"], 0.0, 1000.0)["changes"],
+        json!(all)
+    );
+    for wrong in [
+        "from_s=2&to_s=1",
+        "from_s=0",
+        "from_s=0&to_s=nan",
+        "from_s=0&to_s=1&rate=1",
+    ] {
+        studio
+            .get(&format!("/api/recordings/{id}/waits?{wrong}"))
+            .expect(422);
+    }
+    studio
+        .get("/api/recordings/99/waits?from_s=0&to_s=1")
+        .expect(404);
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn the_server_tells_what_a_plan_reserves() {
+    let yard = Yard::new();
+    let studio = twelve(&yard);
+    let document = studio.get("/api/document").json()["document"].clone();
+    let end = |agent: usize, end: &str| {
+        [0, 1].map(|axis| document["agents"][agent][end][axis].as_f64().unwrap())
+    };
+    let near = |place: &Value, at: [f64; 2], far: f64| {
+        (0..2).all(|axis| (place[3 + axis].as_f64().unwrap() - at[axis]).abs() <= far)
+    };
+    for (planner, view) in [("lacam", "grid"), ("roadmap-pp", "roadmap")] {
+        let id = done(&studio, &run(planner, &json!({"view": view})));
+        let ask = |from: f64, to: f64| {
+            let path = format!("/api/jobs/{id}/reservations?from_s={from}&to_s={to}");
+            let told = studio.get(&path).expect(200).json();
+            assert_eq!(
+                (&told["view"], &told["complete"]),
+                (&json!(view), &json!(true))
+            );
+            told
+        };
+        let begin = ask(0.0, 0.0);
+        let far = begin["side_m"].as_f64().map_or(1e-6, |side| 0.51 * side);
+        let held = |told: &Value, agent: usize| -> Vec<Value> {
+            let own = told["held"].as_array().unwrap().iter();
+            own.filter(|place| place[0] == agent).cloned().collect()
+        };
+        let late = ask(1e6, 1e6 + 1.0);
+        let middle = ask(2.0, 5.0);
+        for agent in 0..12 {
+            let places = held(&begin, agent);
+            assert!(
+                places
+                    .iter()
+                    .any(|place| near(place, end(agent, "start"), far)),
+                "{places:?}"
+            );
+            let places = held(&late, agent);
+            assert_eq!(places.len(), 1, "{view}: {places:?}");
+            assert!(near(&places[0], end(agent, "goal"), far), "{places:?}");
+            // Somewhere at any time: what is held follows on what was held.
+            let mut until = 2.0;
+            for place in held(&middle, agent) {
+                let [from, to] = [1, 2].map(|at| place[at].as_f64().unwrap());
+                assert!(
+                    from <= until + 1e-9 && from <= to,
+                    "{view}, {agent}: {place}"
+                );
+                until = f64::max(until, to);
+            }
+            assert!((until - 5.0).abs() < 1e-9, "{view}, {agent}: {until}");
+        }
+        let edges = middle["held"].as_array().unwrap().iter();
+        let edges = edges
+            .filter(|place| place.as_array().unwrap().len() == 7)
+            .count();
+        assert_eq!(edges > 0, view == "roadmap");
+        studio
+            .get(&format!("/api/jobs/{id}/reservations?from_s=3&to_s=2"))
+            .expect(422);
+    }
+    let plane = done(&studio, &run("plane-pp", &json!({"view": "continuous"})));
+    let refused = studio.get(&format!("/api/jobs/{plane}/reservations?from_s=0&to_s=1"));
+    assert!(refused.expect(422).json()["hint"].is_string());
+    studio
+        .get("/api/jobs/99/reservations?from_s=0&to_s=1")
+        .expect(404);
+    studio.end("INT").expect(SUCCESS);
+}
+
 /// A file of many parts is sent part by part: the studio never has all of it in memory.
 #[cfg(target_os = "linux")]
 #[test]
@@ -719,6 +887,16 @@ fn the_protocol_is_as_it_was() {
     ask(
         "GET",
         &format!("/api/recordings/{}/meta?quick=true", job["id"]),
+        &none,
+    );
+    ask(
+        "GET",
+        &format!("/api/recordings/{}/waits?from_s=0&to_s=2", job["id"]),
+        &none,
+    );
+    ask(
+        "GET",
+        &format!("{path}/reservations?from_s=0&to_s=0.25"),
         &none,
     );
     ask("GET", "/api/artefacts", &none);

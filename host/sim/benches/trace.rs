@@ -154,6 +154,7 @@ impl Motion {
             seed: 0,
             headings: self.headings,
             progress: false,
+            waits: false,
             state_every: 0,
             bounds_m: Bounds {
                 min_x: 0.0,

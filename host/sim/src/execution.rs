@@ -13,7 +13,7 @@ use crate::error::SimError;
 use crate::gate::{Gates, Refined, Routes};
 use crate::outcome::Outcome;
 use crate::route::{Plan, Reference};
-use crate::trace::TraceSink;
+use crate::trace::{Awaited, TraceSink, Waiting};
 use crate::track::Span;
 
 /// The execution ends after this time without progress of any agent, in seconds.
@@ -32,6 +32,8 @@ pub(crate) struct Run<'a> {
     plan: Plan<'a>,
     reference: Reference<'a>,
     gates: Option<Gates>,
+    /// Per agent, the reason of its wait in this block; empty without gates.
+    waits: Vec<Awaited>,
     /// Time of the last observed progress, and the positions of all bodies then.
     moved: f64,
     were: Vec<[f64; 2]>,
@@ -75,10 +77,12 @@ impl<'a> Run<'a> {
         reference: Reference<'a>,
         gates: Option<Gates>,
     ) -> Self {
+        let gated = gates.as_ref().map_or(0, |gates| gates.graph().agents());
         Self {
             engine,
             plan,
             reference,
+            waits: vec![Awaited::Nothing; gated],
             gates,
             moved: 0.0,
             were: Vec::new(),
@@ -88,9 +92,10 @@ impl<'a> Run<'a> {
 
     pub(crate) fn execute(mut self, sink: &mut dyn TraceSink) -> Result<Outcome, SimError> {
         let (engine, reference) = (&self.engine, &self.reference);
-        let header = engine
+        let mut header = engine
             .setup
             .header(&engine.shapes, Some(reference), sink.wants_scene());
+        header.waits = self.gates.is_some();
         sink.begin(&header)?;
         let limit = self.limit()?;
         self.with_guide(|engine, guide| engine.start(guide, sink))?;
@@ -139,6 +144,22 @@ impl<'a> Run<'a> {
     ) -> Result<(), SimError> {
         if let Some(gates) = &mut self.gates {
             gates.exchange(number);
+            let tick = number * self.engine.setup.clock.ticks_per_period;
+            let changes: Vec<Waiting> = (0..)
+                .zip(&mut self.waits)
+                .filter_map(|(agent, known)| {
+                    let awaited = gates.awaited(agent as usize);
+                    let agent = (std::mem::replace(known, awaited) != awaited).then_some(agent)?;
+                    Some(Waiting {
+                        tick,
+                        agent,
+                        awaited,
+                    })
+                })
+                .collect();
+            if !changes.is_empty() {
+                sink.waits(&changes)?;
+            }
         }
         self.with_guide(|engine, guide| engine.advance(block, number, guide, sink))?;
         if let Some(gates) = &mut self.gates {

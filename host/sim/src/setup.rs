@@ -116,6 +116,7 @@ impl Setup<'_> {
             seed: self.config.disturbance.seed,
             headings: self.with_heading,
             progress: false,
+            waits: false,
             state_every: 0,
             bounds_m: self.bounds(reference),
             profiles: profiles.collect(),

@@ -17,6 +17,8 @@ use crate::edit::{Edit, Refusal};
 use crate::files::{self, Exported, Files, Opened, Source};
 use crate::history::History;
 use crate::jobs::Origin;
+use crate::recordings::Span;
+use crate::reservations::{Reservations, reservations};
 
 /// Most violations of a verdict that are described.
 const DESCRIBED: usize = 100;
@@ -260,24 +262,35 @@ impl Desk {
 
     /// The verdict on a job's plan in the document as it is.
     pub(crate) fn verdict(&self, job: u32, path: &Path) -> Result<Judged> {
+        let (_, plan) = self.plan(job, path)?;
+        Ok(self
+            .artefacts
+            .verdict(&self.now().document, &plan, DESCRIBED)?)
+    }
+
+    /// The places that a job's plan keeps for its robots in a window of time.
+    pub(crate) fn reservations(&self, job: u32, path: &Path, span: Span) -> Result<Reservations> {
+        let (document, plan) = self.plan(job, path)?;
+        let whole = self.artefacts.whole(&document)?;
+        reservations(&plan, whole.plannable()?, span)
+    }
+
+    /// The document of which a job's plan was made, and the plan.
+    fn plan(&self, job: u32, path: &Path) -> Result<(Document, Arc<KeptPlan>)> {
         let planned = self.planned().get(&job).cloned();
         let Some(Planned { document, plan }) = planned else {
             return Err(Refused::unknown("plan"));
         };
-        let plan = if let Some(plan) = plan {
-            plan
-        } else {
-            let bytes = read_file(path, PLAN_BYTES)?;
-            let plan = self.artefacts.plan(&document, path.to_owned(), bytes)?;
-            let plan = Arc::new(plan);
-            if let Some(planned) = self.planned().get_mut(&job) {
-                planned.plan = Some(Arc::clone(&plan));
-            }
-            plan
-        };
-        Ok(self
-            .artefacts
-            .verdict(&self.now().document, &plan, DESCRIBED)?)
+        if let Some(plan) = plan {
+            return Ok((document, plan));
+        }
+        let bytes = read_file(path, PLAN_BYTES)?;
+        let plan = self.artefacts.plan(&document, path.to_owned(), bytes)?;
+        let plan = Arc::new(plan);
+        if let Some(planned) = self.planned().get_mut(&job) {
+            planned.plan = Some(Arc::clone(&plan));
+        }
+        Ok((document, plan))
     }
 }
 

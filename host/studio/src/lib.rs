@@ -20,9 +20,11 @@ mod jobs;
 mod place;
 mod planners;
 mod recordings;
+mod reservations;
 mod routes;
 mod scratch;
 mod server;
+mod waits;
 mod web;
 
 pub use answer::Refused;

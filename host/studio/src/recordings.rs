@@ -51,6 +51,29 @@ pub(crate) struct Window {
     rate: f64,
 }
 
+/// A window of time.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Span {
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
+}
+
+impl Span {
+    /// The window, if it is one.
+    pub(crate) fn checked(self) -> Result<Self> {
+        let Self { from_s, to_s } = self;
+        let within = |value: f64| (0.0..=1e9).contains(&value);
+        if within(from_s) && within(to_s) && from_s <= to_s {
+            return Ok(self);
+        }
+        Err(
+            Refused::value(format!("a window from {from_s} s to {to_s} s"))
+                .hint("give from_s and to_s in seconds, both at least 0"),
+        )
+    }
+}
+
 fn usual_hz() -> f64 {
     USUAL_HZ
 }
@@ -149,9 +172,9 @@ impl Recordings {
     }
 }
 
-type Reader = TraceReader<BufReader<File>>;
+pub(crate) type Reader = TraceReader<BufReader<File>>;
 
-fn read(path: &Path) -> std::result::Result<Reader, InputError> {
+pub(crate) fn read(path: &Path) -> std::result::Result<Reader, InputError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     TraceReader::open(BufReader::new(open_regular(path)?), name)
 }
@@ -172,13 +195,7 @@ fn last_tick(mut reader: Reader) -> Result<u64> {
 /// first one not before its end. Samples are at multiples of their distance, whatever the window.
 pub(crate) fn clip(path: &Path, window: Window) -> Result<Vec<u8>> {
     let Window { from_s, to_s, rate } = window;
-    let within = |value: f64| (0.0..=1e9).contains(&value);
-    if !(within(from_s) && within(to_s) && from_s <= to_s) {
-        return Err(
-            Refused::value(format!("a window from {from_s} s to {to_s} s"))
-                .hint("give from_s and to_s in seconds, both at least 0"),
-        );
-    }
+    Span { from_s, to_s }.checked()?;
     if !(rate > 0.0 && rate <= 1e6) {
         return Err(Refused::value(format!("{rate} samples per second")));
     }

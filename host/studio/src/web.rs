@@ -34,11 +34,13 @@ files![
     "panel-robots.js",
     "panel-watch.js",
     "panel-world.js",
+    "reservations.js",
     "selection.js",
     "store.js",
     "studio.css",
     "survey.js",
     "tools.js",
+    "waits.js",
     "watch.js",
 ];
 

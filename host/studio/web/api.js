@@ -61,6 +61,8 @@ export const api = {
   meta: (id, quick = false) => json(`/recordings/${id}/meta${quick ? '?quick=true' : ''}`),
   recordings: () => json('/recordings'),
   clip: async (id, from, to) => (await ask(`/recordings/${id}/clip?from_s=${from}&to_s=${to}`)).arrayBuffer(),
+  waits: (id, from, to) => json(`/recordings/${id}/waits?from_s=${from}&to_s=${to}`),
+  reservations: (id, from, to) => json(`/jobs/${id}/reservations?from_s=${from}&to_s=${to}`),
   annotations: (id) => json(`/recordings/${id}/annotations`),
 };
 

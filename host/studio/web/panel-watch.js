@@ -2,15 +2,18 @@
 
 import { h, fill, check, field, number, section, select, say, tidy } from './dom.js';
 import { run } from './commands.js';
-import { theme } from './drawing.js';
+import { HEAT, theme } from './drawing.js';
 import { violationList } from './panel-plan.js';
 import { CLICKS } from './live.js';
 import { COLUMNS } from './survey.js';
 import { OVERLAYS } from './watch.js';
+import { chainOf, cyclesOf, inWords } from './waits.js';
 
-const COLORS = { agent: 'number', kind: 'kind', state: 'state', delay: 'waiting so far' };
+const COLORS = { agent: 'number', kind: 'kind', state: 'state', delay: 'waiting so far', priority: 'priority' };
 const STATES = ['moving', 'turning', 'waiting', 'parked'];
 const SHOWN = 100;
+/** Cycles and robots that waited longest, as many as are told. */
+const TOLD = 5;
 
 export function watchPanel(app, node) {
   const { watch, jobs } = app;
@@ -41,13 +44,73 @@ export function watchPanel(app, node) {
   function overlays() {
     if (!watch.open) return null;
     const walking = watch.panes.find((pane) => pane.surveying);
+    const { recording } = watch.panes[0], { priorities } = recording;
     return section('Show',
       h('div', { class: 'pair' }, ...OVERLAYS.filter(([name]) => watch.live ? ['trails', 'numbers'].includes(name) : name !== 'annotations' || watch.panes.some(({ recording }) => recording.layers.length))
         .map(([name, title]) => check(title, watch.show_[name], (on) => watch.overlay(name, on), { 'data-key': `overlay-${name}` }))),
       watch.show_.reservations ? field('Window', number(watch.window_s, (value) => { watch.window_s = value; watch.stage.invalidate(); }, { min: 0.1, max: 600, 'data-key': 'window' }), 's') : null,
-      field('Colour by', select(watch.colorings.map((by) => [by, COLORS[by]]), watch.coloring, (by) => watch.color(by), { 'data-key': 'color' })),
+      watch.show_.reservations ? h('p', { class: 'note' }, reserved()) : null,
+      field('Colour by', select(watch.colorings.map((by) => [by, COLORS[by]]), watch.colorings.includes(watch.coloring) ? watch.coloring : 'agent', (by) => watch.color(by), { 'data-key': 'color' })),
       watch.coloring === 'state' ? legend() : null,
+      watch.coloring === 'delay' ? scale(['0 s', longest]) : null,
+      watch.coloring === 'priority' && priorities ? scale([`last: ${priorities.last + 1}`, 'first: 1']) : null,
       walking ? h('p', { class: 'note', role: 'status' }, `Walking through the recording: ${Math.round(100 * (walking.share ?? 0))} %`) : null);
+  }
+
+  /** A scale of colours with the meaning of its ends. */
+  const scale = ([least, most]) => h('p', { class: 'legend ends' }, h('span', {}, least), gradient(), h('span', {}, most));
+
+  function gradient() {
+    const bar = h('i', { class: 'scale', 'aria-hidden': 'true' });
+    bar.style.background = `linear-gradient(to right, ${HEAT.join(',')})`;
+    return bar;
+  }
+
+  /** The source of the reservations, in words. */
+  function reserved() {
+    const told = watch.panes.map((pane) => pane.reserved).filter(Boolean);
+    if (told.length < watch.panes.length) return 'Where robots will be. Dark is soon, light is later.';
+    return `${told.every(({ view }) => view === 'grid') ? 'Cells' : told.every(({ view }) => view === 'roadmap') ? 'Vertices and edges' : 'Cells, vertices and edges'} that the plan keeps, at the times of the plan, which robots that go by order may be behind. Dark is soon, light is later.${told.some(({ complete }) => !complete) ? ' Those of robots with high numbers are left out.' : ''}`;
+  }
+
+  // What changes while time goes on; the rest of the panel is left alone meanwhile.
+  const longest = h('span', { id: 'longest' }), own = h('dd', { id: 'own-wait' }), chain = h('p', { id: 'chain' }), waits = h('div', { id: 'waits' });
+
+  const toRobot = (agent, text = String(agent)) => h('button', { type: 'button', 'data-key': `wait-${agent}`, onclick: () => watch.select(agent) }, text);
+
+  function tellNow() {
+    const pane = watch.panes[0];
+    if (!pane) return;
+    const { recording, scene, motion } = pane, i = scene.selected;
+    const put = (node, text) => { if (node.textContent !== text) node.textContent = text; };
+    if (motion.waited) {
+      const seconds = motion.waited(recording.fleet, recording.meta.arrivals);
+      put(longest, `${tidy(scene.longWait, 1)} s`);
+      put(own, i < 0 ? '' : `${tidy(seconds[i], 1)} s so far`);
+    } else for (const node of [longest, own]) put(node, '…');
+    if (!watch.show_.waits) return;
+    const all = pane.waits.at(scene.now);
+    if (!all) {
+      put(chain, '');
+      return put(waits, pane.waits.why ? `${pane.waits.why.charAt(0).toUpperCase()}${pane.waits.why.slice(1)}.` : 'Asking …');
+    }
+    const parts = i < 0 ? [] : chainOf(all, recording.ids[i]);
+    put(chain, i < 0 ? '' : `Robot ${recording.ids[i]} ${inWords(parts)}.`);
+    const cycles = cyclesOf(all);
+    const told = `${all.size ? `${all.size} of ${recording.count} robots wait` : 'Nobody waits'}${cycles.length ? `, ${cycles.length === 1 ? 'and there is a cycle' : `and there are ${cycles.length} cycles`}` : ''}.`;
+    const key = `${told} ${parts} ${cycles.slice(0, TOLD).join('; ')}`;
+    if (waits.dataset.told === key && waits.childElementCount) return;
+    waits.dataset.told = key;
+    fill(waits, h('p', {}, told),
+      parts.length > 1 ? h('div', { class: 'row' }, ...[...new Set(parts.slice(1, 13))].filter((other) => other !== 'message').map((other) => toRobot(other))) : null,
+      ...cycles.slice(0, TOLD).map((ring) => h('p', { class: 'cycle' }, `Cycle: ${[...ring.slice(0, 12), ring.length > 12 ? '…' : ring[0]].join(' → ')} `, toRobot(ring[0], 'Show'))));
+  }
+  watch.on((what) => { if (what === 'time' || what === 'waits') tellNow(); });
+
+  function dependencies() {
+    if (!watch.open || !watch.show_.waits) return null;
+    return section('Who waits for whom', chain, waits, h('ul', { class: 'legend' },
+      h('li', {}, 'arrow: to the robot that has to go on first'), h('li', {}, 'thick: from the selected robot on'), h('li', {}, 'dashed: a cycle'), h('li', {}, 'bubble: waits for a message')));
   }
 
   const legend = () => h('ul', { class: 'legend' }, ...STATES.map((state) => h('li', {}, h('i', { class: state }), state)));
@@ -93,8 +156,8 @@ export function watchPanel(app, node) {
     const touched = i < 0 ? [] : recording.contacts.filter(({ a, b }) => a === id || b === id);
     return section('Robot', h('div', { class: 'row' }, h('span', { class: 'grow soft' }, i < 0 ? 'Click one to follow it.' : recording.nameOf(id).replace('agent', 'Robot')), h('span', {}, pick)),
       i < 0 ? null : h('dl', { class: 'facts' },
-        ...[['arrived', recording.meta.arrivals.length ? recording.meta.arrivals[i] === null ? 'never' : `at ${tidy(recording.meta.arrivals[i], 2)} s` : null], ['contacts', String(touched.length)]]
-          .filter(([, value]) => value !== null).flatMap(([name, value]) => [h('dt', {}, name), h('dd', {}, value)])));
+        ...[['arrived', recording.meta.arrivals.length ? recording.meta.arrivals[i] === null ? 'never' : `at ${tidy(recording.meta.arrivals[i], 2)} s` : null], ['contacts', String(touched.length)], ['priority', recording.priorities?.of.has(id) ? `${recording.priorities.of.get(id) + 1} of ${recording.priorities.last + 1}` : null], ['waited', watch.coloring === 'delay' || watch.panes[0].survey ? own : null]]
+          .filter(([, value]) => value !== null).flatMap(([name, value]) => [h('dt', {}, name), value === own ? own : h('dd', {}, value)])));
   }
 
   function trouble() {
@@ -144,8 +207,9 @@ export function watchPanel(app, node) {
   }
 
   function draw() {
-    fill(node, chooser(), live(), overlays(), robot(), trouble(), timelines(), facts());
+    fill(node, chooser(), live(), overlays(), robot(), dependencies(), trouble(), timelines(), facts());
     drawLanes();
+    tellNow();
   }
   return { draw, drawLanes };
 }

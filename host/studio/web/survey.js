@@ -9,6 +9,9 @@ export const ROWS = 400;
 /** Cells of heat maps at most; places of a path at most. */
 const CELLS = 250_000;
 const PLACES = 400_000;
+/** Moments at which it is known how long everybody has waited, and numbers of that at most. */
+const MOMENTS = 600;
+const WAITS = 4_000_000;
 
 export { STATES };
 
@@ -21,6 +24,8 @@ export async function survey(recording, load, window_s, { progress, signal }) {
   const usage = new Float32Array(rows * cols), waiting = new Float32Array(rows * cols);
   const shown = Math.min(fleet.agents, ROWS), rowOf = (i) => Math.floor(i * shown / Math.max(fleet.agents, 1));
   const lanes = new Uint8Array(shown * COLUMNS).fill(255);
+  const moments = Math.max(1, Math.min(MOMENTS, Math.floor(WAITS / Math.max(fleet.agents, 1)) - 1));
+  const waited = new Float32Array((moments + 1) * fleet.agents), sums = new Float64Array(fleet.agents);
   const traced = Math.min(fleet.agents, 2000);
   const paths = Array.from({ length: traced }, () => []);
   let left_places = PLACES;
@@ -39,7 +44,11 @@ export async function survey(recording, load, window_s, { progress, signal }) {
         const state = way > 0.02 * fleet.reach(i) * sample_s ? 0 : turn > 0.01 * sample_s ? 1 : time >= (meta.arrivals[i] ?? Infinity) ? 3 : WAITING;
         const cell = Math.min(rows - 1, Math.max(0, Math.floor((top - py) / side))) * cols + Math.min(cols - 1, Math.max(0, Math.floor((px - left) / side)));
         if (state < 2) usage[cell] += sample_s;
-        else if (state === WAITING) waiting[cell] += sample_s;
+        else if (state === WAITING) {
+          waiting[cell] += sample_s;
+          sums[i] += sample_s;
+        }
+        waited[Math.min(moments, Math.ceil((time + sample_s) / Math.max(end_s, 1e-9) * moments)) * fleet.agents + i] = sums[i];
         if (rowOf(i) !== rowOf(i - 1) || i === 0) lanes.fill(state, rowOf(i) * COLUMNS + column(time), rowOf(i) * COLUMNS + column(time + sample_s) + 1);
         if (i < traced) {
           const path = paths[i], last = path.length - 2;
@@ -53,5 +62,7 @@ export async function survey(recording, load, window_s, { progress, signal }) {
     progress(Math.min(1, (from + window_s) / Math.max(end_s, 1e-9)));
     if (end_s === 0) break;
   }
-  return { rows, cols, side, usage, waiting, lanes, shown, paths, origin: [left, top - rows * side] };
+  // Between two samples there may be several moments.
+  for (let at = fleet.agents; at < waited.length; at++) waited[at] = Math.max(waited[at], waited[at - fleet.agents]);
+  return { waited: { seconds: waited, moments }, rows, cols, side, usage, waiting, lanes, shown, paths, origin: [left, top - rows * side] };
 }

@@ -10,20 +10,20 @@ import { decode } from '/viewer/clip.js';
 
 import { $, h, icon, iconButton, say, select } from './dom.js';
 import { api } from './api.js';
-import { AGENTS, HEAT, theme, traceOutline } from './drawing.js';
+import { AGENTS, HEAT, theme } from './drawing.js';
 import { isOver, nameOf, verdictOf } from './jobs.js';
 import { Live, SPEEDS as PACES, effectsLayer } from './live.js';
+import { reservationsLayer } from './reservations.js';
 import { survey } from './survey.js';
+import { Waits, waitsLayer } from './waits.js';
 
 const MOST = 4;
 /** A violation is shown so long around its moment. */
 const AROUND_S = 0.75;
-/** Cells or places of reservations that one picture has. */
-const RESERVED = 20_000;
 
 export const OVERLAYS = [
   ['trails', 'Tails'], ['paths', 'Paths'], ['goals', 'Goals'], ['numbers', 'Numbers'], ['contacts', 'Contacts'],
-  ['violations', 'Violations'], ['reservations', 'Reservations'], ['usage', 'Usage'], ['waiting', 'Waiting'], ['annotations', 'Annotations'],
+  ['violations', 'Violations'], ['waits', 'Waits for'], ['reservations', 'Reservations'], ['usage', 'Usage'], ['waiting', 'Waiting'], ['annotations', 'Annotations'],
 ];
 
 export class Watch {
@@ -31,7 +31,7 @@ export class Watch {
     this.app = app;
     this.panes = [];
     this.clock = new Clock(0);
-    this.show_ = { trails: true, paths: false, goals: false, numbers: true, contacts: true, violations: true, reservations: false, usage: false, waiting: false, annotations: true };
+    this.show_ = { trails: true, paths: false, goals: false, numbers: true, contacts: true, violations: true, waits: false, reservations: false, usage: false, waiting: false, annotations: true };
     this.coloring = 'agent';
     this.window_s = 3;
     this.listeners = [];
@@ -83,13 +83,13 @@ export class Watch {
     if (driving !== undefined && this.live?.job.id === driving) return true;
     const metas = [];
     try {
-      for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id)?.recording.meta ?? await api.meta(id, true));
+      for (const id of wanted) metas.push(this.panes.find((pane) => pane.id === id && !pane.live)?.recording.meta ?? await api.meta(id, true));
     } catch (error) {
       this.app.store.refuse(error);
       return false;
     }
     this.close(false);
-    if (this.clock.speed < 0.1) this.clock.setSpeed(1);
+    if (!SPEEDS.includes(this.clock.speed)) this.clock.setSpeed(1);
     wanted.forEach((id, index) => this.addPane(id, metas[index]));
     this.buildTransport();
     this.clock.end = Math.max(0, ...this.panes.map(({ recording }) => recording.end_s));
@@ -121,9 +121,14 @@ export class Watch {
     const scene = new Scene(stage, recording, motion, this.clock);
     const verdict = job ? verdictOf(job) : null;
     const pane = { id, node, stage, recording, motion, scene, load, live, violations: verdict?.violations ?? [], survey: null, surveying: null };
+    pane.waits = new Waits({
+      load: (from, to) => api.waits(id, from, to), window_s: motion.window_s, end_s: meta.duration_s, why: live && 'a fleet that drives does not say it',
+      arrived: () => { stage.invalidate(); this.tell('waits'); }, failed: (error) => this.app.store.refuse(error),
+    });
+    const planned = job?.has?.plan && job.view !== 'continuous' ? (from, to) => api.reservations(id, from, to) : null;
     pane.title = h('p', { class: 'pane-title' }, this.titleOf(id, verdict));
     node.append(pane.title);
-    pane.layers = [pathsLayer(pane), heatLayer(pane, 'usage'), heatLayer(pane, 'waiting'), reservations(this, pane), violations(pane)];
+    pane.layers = [pathsLayer(pane), heatLayer(pane, 'usage'), heatLayer(pane, 'waiting'), reservationsLayer(this, pane, planned), violations(pane), waitsLayer(pane)];
     if (live) {
       pane.layers.push(effectsLayer(pane));
       live.failed = ({ what, reason }) => this.app.store.refuse({ message: `the fleet did not do ${what}: ${reason}`, hint: null });
@@ -268,12 +273,12 @@ export class Watch {
 
   color(by) {
     this.coloring = by;
-    for (const { scene } of this.panes) scene.color(by);
+    for (const pane of this.panes) this.apply(pane);
     this.tell('overlays');
   }
 
-  /** What can be coloured by: waiting needs the whole recording in memory. */
-  get colorings() { return ['agent', 'kind', 'state', ...this.panes[0]?.motion.waited ? ['delay'] : []]; }
+  /** What can be coloured by: waiting takes a walk through the recording, priorities a planner that tells them. */
+  get colorings() { return ['agent', 'kind', 'state', ...this.live ? [] : ['delay'], ...this.panes.some(({ recording }) => recording.priorities) ? ['priority'] : []]; }
 
   apply(pane) {
     for (const [name] of OVERLAYS) {
@@ -282,7 +287,7 @@ export class Watch {
       else if (name !== 'paths') pane.scene.show(name, this.show_[name]);
     }
     pane.scene.color(this.coloring);
-    if (this.show_.paths || this.show_.usage || this.show_.waiting || this.wantsTimelines) this.look(pane);
+    if (this.show_.paths || this.show_.usage || this.show_.waiting || this.wantsTimelines || this.coloring === 'delay') this.look(pane);
     pane.stage.invalidate('ground');
   }
 
@@ -298,6 +303,8 @@ export class Watch {
       this.app.store.refuse(error);
     }
     pane.surveying = null;
+    if (pane.survey) pane.motion.knowWaits(pane.survey.waited);
+    pane.scene.color(this.coloring);
     pane.stage.invalidate('ground');
     this.tell('surveyed');
   }
@@ -491,43 +498,6 @@ function heatLayer(pane, name) {
       pen.translate(origin[0], origin[1]);
       cells.draw(pen, stage);
       pen.restore();
-    },
-  };
-}
-
-/** Who is where in the window of time that begins now: cells, dark first, or outlines in the plane. */
-function reservations(watch, pane) {
-  const places = [0, 1, 2].map(() => new Float64Array(pane.recording.fleet.bodies));
-  return {
-    name: 'reservations', visible: false,
-    draw(pen, stage) {
-      const { fleet, meta } = pane.recording, { motion, scene } = pane, { scale } = stage.camera;
-      const steps = 12, span = watch.window_s / steps, side = meta.cells?.side ?? null;
-      let left = RESERVED;
-      const taken = new Set();
-      for (let step = 1; step <= steps && left > 0; step++) {
-        if (!motion.place(scene.now + step * span, ...places)) break;
-        pen.globalAlpha = 0.62 - 0.5 * step / steps;
-        for (const i of scene.seen) {
-          if (left-- <= 0) break;
-          pen.fillStyle = AGENTS[i % AGENTS.length];
-          if (side) {
-            const col = Math.floor(places[0][i] / side), row = Math.floor(places[1][i] / side), key = (row * 65536 + col) * 8 + i % AGENTS.length;
-            if (taken.has(key)) continue;
-            taken.add(key);
-            pen.fillRect(stage.toX(col * side) + 1, stage.toY((row + 1) * side) + 1, side * scale - 2, side * scale - 2);
-          } else {
-            pen.beginPath();
-            const outline = fleet.outlines[fleet.kinds[i]];
-            const pairs = outline.v ? { v: Array.from({ length: outline.v.length / 2 }, (_, at) => [outline.v[2 * at], outline.v[2 * at + 1]]) } : outline;
-            traceOutline(pen, stage, pairs, places[0][i], places[1][i], places[2][i]);
-            pen.fill();
-          }
-        }
-      }
-      pen.globalAlpha = 1;
-      // The overlay looked ahead; the picture is of now.
-      motion.place(scene.now, fleet.X, fleet.Y, fleet.H);
     },
   };
 }

@@ -395,6 +395,31 @@ export class Clips {
     }
   }
 
+  /** Seconds that each body has waited until the time placed last, as Tracks has it; null until somebody says it. */
+  waited = null;
+  longestWait = 0;
+
+  /** Takes seconds that agents have waited: of all agents at the beginning, and after each of `moments` equal parts of the
+   * recording. Whoever walks through all of it knows them. */
+  knowWaits({ seconds, moments }) {
+    const out = new Float64Array(this.bodies);
+    let known = null;
+    this.waited = (fleet, arrivals) => {
+      const { agents } = fleet, until = (i, time_s) => {
+        const at = Math.min(time_s, arrivals[i] ?? Infinity) / Math.max(this.end_s, 1e-9) * moments;
+        const moment = Math.min(Math.floor(at), moments - 1), from = seconds[moment * agents + i];
+        return from + (at - moment) * (seconds[(moment + 1) * agents + i] - from);
+      };
+      if (known !== arrivals) {
+        known = arrivals;
+        this.longestWait = 0;
+        for (let i = 0; i < agents; i++) this.longestWait = Math.max(this.longestWait, until(i, this.end_s));
+      }
+      for (let i = 0; i < agents; i++) out[i] = until(i, this.placed_s);
+      return out;
+    };
+  }
+
   trail(i, since_s, visit) {
     let clip = this.#here, time_s = this.placed_s;
     while (clip) {

@@ -37,6 +37,7 @@ export class Recording {
         shape: a.shape, shapes: a.xy_m ?? [], values: a.values ?? [],
       })),
     }));
+    this.priorities = prioritiesOf(this.layers);
     /** What the fleet did, if the trace tells it. */
     this.work = meta.work && readWork(meta);
     this.troubles = this.work ? this.work.calls.filter(isTrouble) : [];
@@ -75,6 +76,15 @@ export class Recording {
     }
     return out;
   }
+}
+
+/** Ranks of agents by their numbers, 0 before 1, and the last rank: what a planner tells in a layer `priority`, where each
+ * annotation of an agent has its rank as its first value. Null if there is none. */
+function prioritiesOf(layers) {
+  const told = layers.find(({ name }) => name === 'priority')?.annotations.filter(({ agent, values }) => agent !== null && values.length) ?? [];
+  if (!told.length) return null;
+  const of = new Map(told.map(({ agent, values }) => [agent, values[0]]));
+  return { of, last: Math.max(...of.values()) };
 }
 
 /** The work of a fleet; ticks become seconds, cells places. */

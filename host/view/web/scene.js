@@ -9,7 +9,7 @@ import { annotations, contacts, goals, numbers, rings, scaleBar, selectedWay, tr
 import { theme } from './theme.js';
 
 /** What the colours of bodies can stand for. */
-export const COLORINGS = ['agent', 'kind', 'state', 'delay'];
+export const COLORINGS = ['agent', 'kind', 'state', 'delay', 'priority'];
 
 /** Seconds of waiting that have the darkest colour, at least. */
 const LONG_WAIT_S = 10;
@@ -131,20 +131,25 @@ export class Scene extends Emitter {
     return this.#seen ??= this.fleet.seen(this.stage);
   }
 
-  /** Lets colours stand for something of COLORINGS. `delay` is the time that an agent has waited so far; without tracks
-   * nobody knows it, and colours tell agents apart. */
+  /** Lets colours stand for something of COLORINGS. `delay` is the time that an agent has waited so far, `priority` what a
+   * planner says of it; where nobody knows it, colours tell agents apart. */
   color(wanted) {
-    const { colors } = this.bodies, { meta } = this.recording, { fleet } = this;
-    const by = wanted === 'delay' && !this.motion.waited ? 'agent' : wanted;
+    const { colors } = this.bodies, { meta, priorities } = this.recording, { fleet } = this;
+    const by = (wanted === 'delay' && !this.motion.waited) || (wanted === 'priority' && !priorities) ? 'agent' : wanted;
     this.coloring = by;
     if (by === 'agent') for (let i = 0; i < fleet.agents; i++) colors[i] = i % meta.colors.length;
     if (by === 'kind') for (let i = 0; i < fleet.agents; i++) colors[i] = fleet.kinds[i] % meta.colors.length;
+    if (by === 'priority') {
+      // The first ones are the darkest.
+      const { of, last } = priorities, steps = meta.heat.length - 1;
+      for (let i = 0; i < fleet.agents; i++) colors[i] = Math.round((1 - (of.get(this.recording.ids[i]) ?? last) / Math.max(last, 1)) * steps);
+    }
     this.stage.invalidate();
   }
 
   #palette() {
     if (this.coloring === 'state') return STATES.map((state) => theme[state]);
-    return this.coloring === 'delay' ? this.recording.meta.heat : this.recording.meta.colors;
+    return this.coloring === 'delay' || this.coloring === 'priority' ? this.recording.meta.heat : this.recording.meta.colors;
   }
 
   #colorByMotion() {

@@ -28,14 +28,25 @@ pub struct PlanTerms {
     pub pace: Pace,
 }
 
-impl View {
-    /// Duration of a step on a grid, in seconds: of a move at the speed that all robots have, or of
-    /// a second where they have no limit.
+impl GridView {
+    /// Duration of a step in seconds: of a move at the speed that all robots have, or of a second where
+    /// they have no limit.
     pub fn step_s(&self, problem: &Problem) -> f64 {
         let speed = problem.common_speed_m_per_s();
+        if speed.is_finite() {
+            self.cell_m / speed
+        } else {
+            1.0
+        }
+    }
+}
+
+impl View {
+    /// Duration of a step in seconds: see [`GridView::step_s`]; a second in other views.
+    pub fn step_s(&self, problem: &Problem) -> f64 {
         match self {
-            Self::Grid(view) if speed.is_finite() => view.cell_m / speed,
-            _ => 1.0,
+            Self::Grid(view) => view.step_s(problem),
+            Self::Roadmap(_) | Self::Continuous => 1.0,
         }
     }
 

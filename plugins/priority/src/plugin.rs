@@ -1,7 +1,7 @@
 //! The planners behind the plugin contract: ids `pp` and `pbs`.
 
-use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance, Status};
+use fleetyard_abi::sdk::{Annotations, Failure};
+use fleetyard_abi::{Annotation, Budget, Capability, GridEnvironment, Instance, Status};
 use fleetyard_plugin_spacetime::order::Prefer;
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
@@ -59,6 +59,21 @@ fn solve(
             Status::GaveUp,
             "the search reached its memory limit before a plan was found; these paths collide",
         )),
+    }
+}
+
+/// Hands over the rank of each agent in an order, 0 for the first, in the layer `priority`.
+fn show(order: &[usize], problem: &Problem, to: &dyn Annotations) {
+    for (rank, agent) in order.iter().enumerate() {
+        let start = problem.graph.cell(problem.routes[*agent].start);
+        // What is not kept the host counts.
+        let _ = to.annotate(&Annotation {
+            agent: Some(*agent as u32),
+            to_s: Some(0.0),
+            text: format!("comes {}. in the order", rank + 1),
+            values: vec![rank as f64],
+            ..Annotation::places("priority", [[start]])
+        });
     }
 }
 
@@ -130,6 +145,9 @@ impl Method for PrioritizedOptions {
             let (outcome, effort) = prioritized::plan(problem, options, seed, control);
             call.metric("orders", effort.orders as f64);
             call.metric("expansions", effort.expansions as f64);
+            if let Some(annotations) = call.annotations() {
+                show(&effort.order, problem, annotations);
+            }
             outcome
         })
     }

@@ -35,12 +35,14 @@ pub struct Options {
 }
 
 /// Work of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Effort {
     /// Orders that were tried.
     pub orders: u64,
     /// States expanded for paths.
     pub expansions: u64,
+    /// The order that led to a plan without collisions, if one did.
+    pub order: Vec<usize>,
 }
 
 /// Plans. Ends with the first plan without collisions, when it is stopped, or when every
@@ -82,7 +84,10 @@ pub fn plan(
         }
         let failed = match attempt {
             Ok(None) => {
-                let effort = run.effort(restarts);
+                let effort = Effort {
+                    order,
+                    ..run.effort(restarts)
+                };
                 return (Outcome::Solved(run.paths), effort);
             }
             Ok(Some(failed)) => Some(failed),
@@ -133,6 +138,7 @@ impl Run<'_> {
         Effort {
             orders: restarts + 1,
             expansions: self.single.sipp.expansions,
+            order: Vec::new(),
         }
     }
 

@@ -12,7 +12,7 @@ use fleetyard_check::PathRule;
 use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::noise::TwistNoise;
-use fleetyard_sim::trace::{Header, States, Summary, TraceOptions};
+use fleetyard_sim::trace::{Header, States, Summary, TraceOptions, Waiting};
 use fleetyard_sim::{
     Event, Fleet, Plan, Policy, SimConfig, SimError, Simulator, TraceSink, TraceWriter,
 };
@@ -550,6 +550,13 @@ impl TraceSink for Sinks {
         }
         match &mut self.trace {
             Some(trace) => trace.events(events),
+            None => Ok(()),
+        }
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        match &mut self.trace {
+            Some(trace) => trace.waits(changes),
             None => Ok(()),
         }
     }

@@ -5,6 +5,7 @@ use super::channel::Channel;
 use super::frontier::Frontier;
 use super::graph::DependencyGraph;
 use crate::noise::Messages;
+use crate::trace::Awaited;
 
 /// Releases of agents while a plan is executed by order.
 ///
@@ -99,6 +100,20 @@ impl Gates {
     /// Per agent, the last reached knot.
     pub fn reached(&self) -> &[u32] {
         self.reports.latest()
+    }
+
+    /// The reason why an agent cannot begin its next action.
+    pub fn awaited(&self, agent: usize) -> Awaited {
+        let (reached, released) = (self.reached(), self.released()[agent]);
+        if reached[agent] < released || released as usize == self.graph.actions(agent) {
+            return Awaited::Nothing;
+        }
+        let unmet = self.graph.waits(agent).get(self.server.met(agent));
+        match unmet.filter(|wait| wait.action == released + 1) {
+            Some(wait) if reached[wait.other as usize] < wait.knot => Awaited::Agent(wait.other),
+            // What it waits for has come about, and it does not know yet.
+            _ => Awaited::Message,
+        }
     }
 
     /// True once all agents have reached the ends of their routes.

@@ -76,7 +76,7 @@ pub struct ItemDifference<T> {
 }
 
 /// Fields of a header that describe a trace and do not affect the execution.
-const DESCRIPTION: [&str; 3] = ["program", "state_every", "progress"];
+const DESCRIPTION: [&str; 4] = ["program", "state_every", "progress", "waits"];
 /// Fields of a summary that follow from everything else.
 const DIGESTS: [&str; 3] = ["states_digest", "events_digest", "trace_digest"];
 /// Names of the channels of a state.
@@ -356,7 +356,7 @@ impl<R: Read, T> Items<R, T> {
             match frame {
                 Frame::Journal(_) => self.has_journal = true,
                 Frame::End(summary) => self.summary = Some(summary.clone()),
-                Frame::State { .. } | Frame::Events(_) | Frame::Remarks(_) => {}
+                Frame::State { .. } | Frame::Events(_) | Frame::Remarks(_) | Frame::Waits(_) => {}
             }
         }
     }

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{Cells, Entry, Header, Remark, States, Summary, TraceSink};
+use super::{Cells, Entry, Header, Remark, States, Summary, TraceSink, Waiting};
 use crate::event::{Event, EventKind, Other};
 
 /// The outputs of an [`Exporter`]; those that are absent are not written.
@@ -237,5 +237,9 @@ impl<W: Write + Send> TraceSink for Exporter<W> {
             .iter()
             .try_for_each(|remark| self.journal_row(remark))?;
         self.record(&json!({ "remarks": remarks }))
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        self.record(&json!({ "waits": changes }))
     }
 }

@@ -28,6 +28,9 @@ pub struct Header {
     pub headings: bool,
     /// Set if states have the progress along the route.
     pub progress: bool,
+    /// Set if the trace says which agent waits for which: see [`Waiting`](super::Waiting).
+    #[serde(default)]
+    pub waits: bool,
     /// Ticks between recorded states, 0 if none are recorded. The writer of a file sets
     /// it.
     pub state_every: u32,

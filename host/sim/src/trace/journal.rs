@@ -194,6 +194,11 @@ pub(super) trait Row: Sized {
     /// True if its numbers and texts are valid in a trace.
     fn fits(&self, limits: Limits) -> bool;
 
+    /// The tick of the row; rows come in the order of their ticks. 0 for rows without one.
+    fn tick(&self) -> u64 {
+        0
+    }
+
     /// Appends the row, after a row of the tick `last`.
     fn put(&self, out: &mut Vec<u8>, last: &mut u64);
 
@@ -204,7 +209,7 @@ pub(super) trait Row: Sized {
 /// Ranges of the numbers in rows.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Limits {
-    agents: u32,
+    pub(super) agents: u32,
     cells: u64,
 }
 
@@ -232,6 +237,10 @@ impl Row for Entry {
             }
             Happening::Asked { .. } | Happening::Answered { .. } => true,
         }
+    }
+
+    fn tick(&self) -> u64 {
+        self.tick
     }
 
     fn put(&self, out: &mut Vec<u8>, last: &mut u64) {

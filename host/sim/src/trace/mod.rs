@@ -20,6 +20,7 @@ mod export;
 mod header;
 mod journal;
 mod read;
+mod waits;
 mod write;
 
 use std::io;
@@ -31,6 +32,7 @@ pub use export::{Exporter, Outputs};
 pub use header::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
 pub use journal::{By, Entry, Errand, Goal, Happening, Remark, Standing};
 pub use read::{Frame, TraceContents, TraceReader, read_trace};
+pub use waits::{Awaited, Waiting, Waits};
 pub use write::{TraceOptions, TraceWriter};
 
 use fleetyard_core::{Digest, Hasher};
@@ -59,6 +61,7 @@ mod kind {
     pub(super) const WORKSTATIONS: u8 = b'w';
     pub(super) const JOURNAL: u8 = b'j';
     pub(super) const REMARKS: u8 = b'r';
+    pub(super) const WAITS: u8 = b'd';
     pub(super) const SUMMARY: u8 = b'Z';
     pub(super) const INDEX: u8 = b'I';
 }
@@ -145,6 +148,14 @@ pub trait TraceSink: Send {
         Ok(())
     }
 
+    /// Changes of what agents wait for since the last call, in order, if
+    /// [`Header::waits`]. Called at the beginning of a block of time, before the states of
+    /// the block.
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        let _ = changes;
+        Ok(())
+    }
+
     /// The summary; called after everything else.
     fn end(&mut self, summary: &Summary) -> io::Result<()> {
         let _ = summary;
@@ -181,6 +192,10 @@ impl TraceSink for Vec<&mut dyn TraceSink> {
 
     fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
         self.iter_mut().try_for_each(|sink| sink.remarks(remarks))
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        self.iter_mut().try_for_each(|sink| sink.waits(changes))
     }
 
     fn end(&mut self, summary: &Summary) -> io::Result<()> {

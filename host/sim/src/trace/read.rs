@@ -12,7 +12,7 @@ use super::journal::{Limits, ROWS_BYTES, ROWS_PER_FRAME, Row, unpack};
 use super::{
     Cells, END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, Entry, EventsDigest, FRAME_CHECK, FRAME_HEAD,
     Fields, GROUP_BYTES, Header, Index, MAGIC, NoTrace, Remark, SUMMARY_BYTES, States,
-    StatesDigest, Summary, TRAILER_BYTES, TraceSink, VERSION, kind, parse_event,
+    StatesDigest, Summary, TRAILER_BYTES, TraceSink, VERSION, Waiting, kind, parse_event,
 };
 use crate::event::Event;
 
@@ -40,6 +40,9 @@ pub enum Frame<'a> {
     Journal(&'a [Entry]),
     /// Data of a fleet's run that may differ when it is repeated.
     Remarks(&'a [Remark]),
+    /// Changes of what agents wait for, in order. After [`TraceReader::seek`] it begins with
+    /// earlier ones, of agents that wait at that point.
+    Waits(&'a [Waiting]),
     /// The summary.
     End(&'a Summary),
 }
@@ -50,6 +53,7 @@ enum Piece {
     Events,
     Journal,
     Remarks,
+    Waits,
     End,
 }
 
@@ -73,8 +77,10 @@ pub struct TraceReader<R> {
     events: Vec<Event>,
     journal: Vec<Entry>,
     remarks: Vec<Remark>,
-    /// The tick of the last entry of the journal.
+    waits: Vec<Waiting>,
+    /// The ticks of the last entry of the journal and of the last change of waits.
     journal_tick: u64,
+    waits_tick: u64,
     /// Set if the group read last is the first one after a seek, so that open journal
     /// entries have to be returned.
     has_leapt: bool,
@@ -158,7 +164,9 @@ impl<R: Read> TraceReader<R> {
             events: Vec::new(),
             journal: Vec::new(),
             remarks: Vec::new(),
+            waits: Vec::new(),
             journal_tick: 0,
+            waits_tick: 0,
             has_leapt: false,
             summary: None,
             states_digest: StatesDigest::new(layout.bodies),
@@ -172,6 +180,12 @@ impl<R: Read> TraceReader<R> {
     /// The header of the trace.
     pub fn header(&self) -> &Header {
         &self.header
+    }
+
+    /// True if the states returned last are the first of their group. Then all that the trace
+    /// tells of the ticks before them has been returned.
+    pub fn begins_group(&self) -> bool {
+        self.given == 1
     }
 
     /// Number of bytes read so far, all intact.
@@ -194,6 +208,7 @@ impl<R: Read> TraceReader<R> {
             Piece::Events => Frame::Events(&self.events),
             Piece::Journal => Frame::Journal(&self.journal),
             Piece::Remarks => Frame::Remarks(&self.remarks),
+            Piece::Waits => Frame::Waits(&self.waits),
             // There is one after this piece.
             Piece::End => self.summary.as_ref().map_or(Frame::Events(&[]), Frame::End),
         }))
@@ -214,7 +229,9 @@ impl<R: Read> TraceReader<R> {
             let frame = self.source.frame(|kind| match kind {
                 kind::STATES => Some(GROUP_HEAD + compress_bound(most_states)),
                 kind::EVENTS => Some(4 + compress_bound(EVENTS_PER_FRAME * EVENT_BYTES)),
-                kind::JOURNAL | kind::REMARKS => Some(ROWS_HEAD + compress_bound(ROWS_BYTES)),
+                kind::JOURNAL | kind::REMARKS | kind::WAITS => {
+                    Some(ROWS_HEAD + compress_bound(ROWS_BYTES))
+                }
                 kind::SUMMARY => Some(SUMMARY_BYTES),
                 _ => None,
             })?;
@@ -223,6 +240,11 @@ impl<R: Read> TraceReader<R> {
                 kind::EVENTS => self.read_events(&frame.payload).map(|()| Piece::Events),
                 kind::JOURNAL => match self.read_journal(&frame.payload) {
                     Ok(true) => Ok(Piece::Journal),
+                    Ok(false) => continue,
+                    Err(reason) => Err(reason),
+                },
+                kind::WAITS => match self.read_waits(&frame.payload) {
+                    Ok(true) => Ok(Piece::Waits),
                     Ok(false) => continue,
                     Err(reason) => Err(reason),
                 },
@@ -304,23 +326,42 @@ impl<R: Read> TraceReader<R> {
 
     /// Reads journal entries; false if they repeat earlier ones and nothing was skipped.
     fn read_journal(&mut self, payload: &[u8]) -> Result<bool, &'static str> {
+        let (entries, last) = self.read_ordered(payload, self.journal_tick)?;
+        self.journal_tick = last;
+        self.journal = entries;
+        Ok(!self.journal.is_empty())
+    }
+
+    /// Reads changes of waits; false if they repeat earlier ones and nothing was skipped.
+    fn read_waits(&mut self, payload: &[u8]) -> Result<bool, &'static str> {
+        let (changes, last) = self.read_ordered(payload, self.waits_tick)?;
+        self.waits_tick = last;
+        self.waits = changes;
+        Ok(!self.waits.is_empty())
+    }
+
+    /// Reads rows after one of the tick `last`, and returns the tick of the last one with them.
+    /// There are none if they repeat earlier ones and nothing was skipped.
+    fn read_ordered<T: Row>(
+        &mut self,
+        payload: &[u8],
+        last: u64,
+    ) -> Result<(Vec<T>, u64), &'static str> {
         let mut fields = Fields(payload);
         let is_recap = match fields.u8() {
             Some(flags @ (0 | 1)) => flags == 1,
-            _ => return Err("the journal makes no sense"),
+            _ => return Err("the flags of entries make no sense"),
         };
-        let entries: Vec<Entry> = self.read_rows(fields)?;
-        if !is_recap {
-            let first = entries.first().map_or(0, |entry| entry.tick);
-            if first < self.journal_tick {
-                return Err("the journal is not in order");
+        let rows: Vec<T> = self.read_rows(fields)?;
+        match (is_recap, rows.first(), rows.last()) {
+            (true, ..) if !self.has_leapt => Ok((Vec::new(), last)),
+            (false, Some(first), _) if first.tick() < last => Err("entries are not in order"),
+            (false, _, Some(end)) => {
+                let end = end.tick();
+                Ok((rows, end))
             }
-            self.journal_tick = entries.last().map_or(0, |entry| entry.tick);
-        } else if !self.has_leapt {
-            return Ok(false);
+            _ => Ok((rows, last)),
         }
-        self.journal = entries;
-        Ok(true)
     }
 
     fn read_remarks(&mut self, payload: &[u8]) -> Result<(), &'static str> {
@@ -419,7 +460,7 @@ impl<R: Read> TraceReader<R> {
     pub fn replay(mut self, sink: &mut dyn TraceSink) -> io::Result<TraceContents> {
         sink.begin(&self.header)?;
         let (mut states, mut last_tick, mut events) = (0, None, 0);
-        let (mut entries, mut remarks) = (0, 0);
+        let (mut entries, mut remarks, mut waits) = (0, 0, 0);
         let (mut end, mut damage) = (None, None);
         loop {
             match self.next_frame() {
@@ -440,6 +481,10 @@ impl<R: Read> TraceReader<R> {
                     remarks += more.len() as u64;
                     sink.remarks(more)?;
                 }
+                Ok(Some(Frame::Waits(more))) => {
+                    waits += more.len() as u64;
+                    sink.waits(more)?;
+                }
                 Ok(Some(Frame::End(summary))) => {
                     end = Some(summary.clone());
                     sink.end(summary)?;
@@ -459,6 +504,7 @@ impl<R: Read> TraceReader<R> {
             events,
             entries,
             remarks,
+            waits,
             end,
             damage,
         })
@@ -476,7 +522,7 @@ impl<R: Read + Seek> TraceReader<R> {
         // The first group then needs no earlier one.
         self.values.clear();
         (self.ticks, self.given) = (0, 0);
-        self.journal_tick = 0;
+        (self.journal_tick, self.waits_tick) = (0, 0);
         self.summary = None;
         self.whole = false;
         self.over = false;
@@ -526,6 +572,8 @@ pub struct TraceContents {
     pub entries: u64,
     /// Number of remarks read.
     pub remarks: u64,
+    /// Number of changes of waits read.
+    pub waits: u64,
     /// The summary, if it was reached.
     pub end: Option<Summary>,
     /// Bytes from the beginning that are intact.

@@ -9,7 +9,8 @@ use super::delta::{Layout, Tracks, to_planes};
 use super::journal::{Limits, ROWS_PER_FRAME, Row, pack};
 use super::{
     END_MAGIC, EVENT_BYTES, EVENTS_PER_FRAME, Entry, FRAME_HEAD, GROUP_BYTES, Header, Index, MAGIC,
-    Remark, SUMMARY_BYTES, Standing, States, Summary, TraceSink, VERSION, event_bytes, kind,
+    Remark, SUMMARY_BYTES, Standing, States, Summary, TraceSink, VERSION, Waiting, Waits,
+    event_bytes, kind,
 };
 use crate::event::Event;
 
@@ -65,10 +66,13 @@ pub struct TraceWriter<W> {
     events: Vec<Event>,
     journal: Vec<Entry>,
     remarks: Vec<Remark>,
-    /// The tick of the last entry.
+    waits: Vec<Waiting>,
+    /// The ticks of the last entry and of the last change of waits.
     journal_tick: u64,
-    /// Journal entries that were open before the group.
+    waits_tick: u64,
+    /// Journal entries that were open before the group, and agents that waited.
     standing: Standing,
+    standing_waits: Waits,
     limits: Limits,
     frame: Vec<u8>,
     planes: Vec<u8>,
@@ -112,8 +116,11 @@ impl<W: Write> TraceWriter<W> {
             events: Vec::new(),
             journal: Vec::new(),
             remarks: Vec::new(),
+            waits: Vec::new(),
             journal_tick: 0,
+            waits_tick: 0,
             standing: Standing::default(),
+            standing_waits: Waits::default(),
             limits: Limits::default(),
             frame: Vec::new(),
             planes: Vec::new(),
@@ -193,6 +200,8 @@ impl<W: Write> TraceWriter<W> {
         if self.is_key {
             let recap = self.standing.recap();
             self.put_rows(kind::JOURNAL, 1, &recap)?;
+            let recap = self.standing_waits.recap();
+            self.put_rows(kind::WAITS, 1, &recap)?;
         }
         Ok(())
     }
@@ -230,6 +239,11 @@ impl<W: Write> TraceWriter<W> {
         for entry in &journal {
             self.standing.note(entry);
         }
+        let waits = std::mem::take(&mut self.waits);
+        self.put_rows(kind::WAITS, 0, &waits)?;
+        for change in &waits {
+            self.standing_waits.note(change);
+        }
         let remarks = std::mem::take(&mut self.remarks);
         self.put_rows(kind::REMARKS, 0, &remarks)?;
         let events = std::mem::take(&mut self.events);
@@ -240,6 +254,12 @@ impl<W: Write> TraceWriter<W> {
         self.events.clear();
         Ok(())
     }
+}
+
+/// True if rows are valid, and in order after a row of the tick `last`.
+fn are_right<T: Row>(rows: &[T], last: u64, limits: Limits) -> bool {
+    let ticks = rows.iter().map(Row::tick);
+    std::iter::once(last).chain(ticks).is_sorted() && rows.iter().all(|row| row.fits(limits))
 }
 
 impl<W: Write + Send> TraceSink for TraceWriter<W> {
@@ -341,9 +361,7 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
     }
 
     fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
-        let ticks = entries.iter().map(|entry| entry.tick);
-        let is_sorted = std::iter::once(self.journal_tick).chain(ticks).is_sorted();
-        if !is_sorted || !entries.iter().all(|entry| entry.fits(self.limits)) {
+        if !are_right(entries, self.journal_tick, self.limits) {
             let reason = "an entry of the journal is not as the header says, or not in order";
             return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
         }
@@ -353,6 +371,21 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
                 self.put_pending()?;
             }
             self.journal.extend_from_slice(chunk);
+        }
+        Ok(())
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        if !are_right(changes, self.waits_tick, self.limits) {
+            let reason = "a wait is not as the header says, or not in order";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
+        self.waits_tick = changes.last().map_or(self.waits_tick, |change| change.tick);
+        for chunk in changes.chunks(ROWS_PER_FRAME) {
+            if self.waits.len() + chunk.len() > ROWS_PER_FRAME {
+                self.put_pending()?;
+            }
+            self.waits.extend_from_slice(chunk);
         }
         Ok(())
     }

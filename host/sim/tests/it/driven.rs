@@ -1,13 +1,15 @@
 //! Robots with models and controllers: by time and by order, alone and disturbed,
 //! on any number of threads.
 
+use std::io;
 use std::mem::discriminant;
 
 use crate::common;
 use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
 use fleetyard_sim::motion::{Model, PRESETS};
+use fleetyard_sim::trace::{Awaited, Header, States, Waiting};
 use fleetyard_sim::{
-    Fleet, NoTrace, Outcome, Policy, Profile, SimConfig, SimError, Simulator, Tier,
+    Fleet, NoTrace, Outcome, Policy, Profile, SimConfig, SimError, Simulator, Tier, TraceSink,
 };
 use fleetyard_world::{Boundary, Footprint, Workspace};
 
@@ -83,6 +85,101 @@ fn gated_robots_never_touch_and_always_arrive() {
             assert!(outcome.makespan_s.is_some_and(|makespan| makespan > 0.0));
         }
     }
+}
+
+/// Changes of waits in an execution, with the places of all at the ticks.
+#[derive(Default)]
+struct Watch {
+    has_waits: bool,
+    changes: Vec<Waiting>,
+    places: Vec<Vec<[u64; 2]>>,
+}
+
+impl TraceSink for Watch {
+    fn begin(&mut self, header: &Header) -> io::Result<()> {
+        self.has_waits = header.waits;
+        Ok(())
+    }
+
+    fn state(&mut self, _: u64, states: &States<'_>) -> io::Result<()> {
+        let places = states.x_m.iter().zip(states.y_m);
+        self.places
+            .push(places.map(|(x, y)| [x, y].map(|v| v.to_bits())).collect());
+        Ok(())
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        assert!(!changes.is_empty());
+        self.changes.extend_from_slice(changes);
+        Ok(())
+    }
+}
+
+fn watch(grid: &Grid, plan: &GridPlan, model: &str, config: &SimConfig) -> Watch {
+    let mut watch = Watch::default();
+    Simulator::new(config)
+        .on_grid(grid)
+        .with_fleet(&fleet(model, plan.agents()))
+        .run(plan, &mut watch)
+        .unwrap_or_else(|error| panic!("{model}: {error}"));
+    watch
+}
+
+#[test]
+fn who_waits_stands_and_waits_for_somebody_who_goes_on() {
+    for seed in 0..8 {
+        let (grid, plan) = world(seed, 40, 30);
+        let watch = watch(&grid, &plan, "pebble", &disturbed(seed));
+        assert!(watch.has_waits);
+        assert!(
+            watch
+                .changes
+                .is_sorted_by_key(|change| (change.tick, change.agent))
+        );
+        let mut waits: Vec<(u64, Awaited)> = vec![(0, Awaited::Nothing); plan.agents()];
+        let (mut for_others, mut for_messages) = (0, 0);
+        for same in watch.changes.chunk_by(|a, b| a.tick == b.tick) {
+            for change in same {
+                let agent = change.agent as usize;
+                let (since, awaited) =
+                    std::mem::replace(&mut waits[agent], (change.tick, change.awaited));
+                assert_ne!(awaited, change.awaited, "nothing changes at {change:?}");
+                let place = |tick: u64| watch.places[tick as usize][agent];
+                if awaited != Awaited::Nothing {
+                    assert_eq!(
+                        place(since),
+                        place(change.tick),
+                        "seed {seed}, until {change:?}"
+                    );
+                }
+                for_others += u32::from(matches!(change.awaited, Awaited::Agent(_)));
+                for_messages += u32::from(change.awaited == Awaited::Message);
+            }
+            // Whoever waits waits in the end for somebody who goes on.
+            for first in 0..plan.agents() {
+                let next = |agent: &usize| match waits[*agent].1 {
+                    Awaited::Agent(other) => Some(other as usize),
+                    _ => None,
+                };
+                let chain = std::iter::successors(Some(first), next);
+                assert!(chain.take(plan.agents() + 1).count() <= plan.agents());
+            }
+        }
+        assert!(for_others > 10, "seed {seed}: {for_others}");
+        assert_eq!(for_messages > 0, seed.is_multiple_of(2), "seed {seed}");
+        assert!(
+            waits
+                .iter()
+                .all(|(_, awaited)| *awaited == Awaited::Nothing)
+        );
+    }
+    let (grid, plan) = world(0, 40, 30);
+    let by_time = SimConfig {
+        policy: Policy::Time,
+        ..disturbed(0)
+    };
+    let watch = watch(&grid, &plan, "pebble", &by_time);
+    assert!(!watch.has_waits && watch.changes.is_empty());
 }
 
 /// The plan's walks follow each other closely and turn in rings.

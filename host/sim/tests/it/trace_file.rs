@@ -6,9 +6,9 @@ use std::io::{self, Cursor};
 use fleetyard_core::{Digest, Grid, GridPlan, Role};
 use fleetyard_sim::motion::{Fleet, Profile as Robot};
 use fleetyard_sim::trace::{
-    Bounds, By, Cells, Digests, Entry, Errand, EventsDigest, Frame, Goal, Happening, Header,
-    Outline, Profile, Remark, Scene, Standing, States, StatesDigest, Summary, TraceOptions,
-    read_trace,
+    Awaited, Bounds, By, Cells, Digests, Entry, Errand, EventsDigest, Frame, Goal, Happening,
+    Header, Outline, Profile, Remark, Scene, Standing, States, StatesDigest, Summary, TraceOptions,
+    Waiting, Waits, read_trace,
 };
 use fleetyard_sim::{
     Event, EventKind, NoTrace, Other, Outcome, SimConfig, SimError, Simulator, Tier, TraceReader,
@@ -74,6 +74,7 @@ struct Memory {
     events: Vec<Event>,
     journal: Vec<Entry>,
     remarks: Vec<Remark>,
+    waits: Vec<Waiting>,
     summary: Option<Summary>,
 }
 
@@ -102,6 +103,10 @@ impl TraceSink for Memory {
     }
     fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {
         self.remarks.extend_from_slice(remarks);
+        Ok(())
+    }
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        self.waits.extend_from_slice(changes);
         Ok(())
     }
     fn end(&mut self, summary: &Summary) -> io::Result<()> {
@@ -191,6 +196,22 @@ fn a_trace_is_written_again_as_it_was() {
     assert!(writer.into_inner() == bytes);
 }
 
+/// The waits of a trace of everything.
+fn waits() -> Vec<Waiting> {
+    let change = |tick, agent, awaited| Waiting {
+        tick,
+        agent,
+        awaited,
+    };
+    vec![
+        change(0, 1, Awaited::Agent(0)),
+        change(3, 0, Awaited::Message),
+        change(3, 1, Awaited::Nothing),
+        change(8, 0, Awaited::Agent(1)),
+        change(17, 0, Awaited::Nothing),
+    ]
+}
+
 /// A trace of everything that a header and states can have: headings, progress,
 /// moving obstacles, polygons, profiles, every kind of event.
 fn of_everything() -> Vec<u8> {
@@ -212,6 +233,7 @@ fn of_everything() -> Vec<u8> {
         seed: u64::MAX,
         headings: true,
         progress: true,
+        waits: true,
         state_every: 0,
         bounds_m: Bounds {
             min_x: -1.0 / 3.0,
@@ -247,6 +269,9 @@ fn of_everything() -> Vec<u8> {
     writer.begin(&header).unwrap();
     let (mut states, mut events) = (StatesDigest::new(3), EventsDigest::default());
     for tick in 0..20u32 {
+        let own = |wait: &Waiting| wait.tick == u64::from(tick);
+        let changes: Vec<Waiting> = waits().into_iter().filter(own).collect();
+        writer.waits(&changes).unwrap();
         let t = f64::from(tick) / 60.0;
         let now = States {
             x_m: &[0.5 + t, 2.5 - t * t, 1.5],
@@ -316,6 +341,7 @@ fn everything_that_a_trace_can_have_comes_back() {
     let last = memory.states.last().unwrap();
     assert_eq!(last.values[2][1], (-19.0f64 / 60.0).to_bits());
     assert_eq!(last.progress, Some(vec![3, 2, 0]));
+    assert_eq!(memory.waits, waits());
     assert_eq!(memory.events.len(), 6);
     assert_eq!(memory.events[5].other, Other::Goal);
     assert_eq!(memory.summary.unwrap().nearest_approach_m, None);
@@ -343,10 +369,20 @@ fn reading_begins_anywhere() {
                 Frame::Events(events) => memory.events.extend(events),
                 Frame::Journal(entries) => memory.journal(entries).unwrap(),
                 Frame::Remarks(remarks) => memory.remarks(remarks).unwrap(),
+                Frame::Waits(changes) => memory.waits(changes).unwrap(),
                 Frame::End(summary) => memory.summary = Some(summary.clone()),
             }
         }
         assert_eq!(memory.states, all.states[first as usize..]);
+        // Changes until the first states only as far as they still hold.
+        let (before, after): (Vec<_>, Vec<_>) =
+            waits().into_iter().partition(|wait| wait.tick <= first);
+        let mut standing = Waits::default();
+        for wait in &before {
+            standing.note(wait);
+        }
+        let expected: Vec<Waiting> = standing.iter().copied().chain(after).collect();
+        assert_eq!(memory.waits, expected, "from tick {tick}");
         assert_eq!(memory.summary, all.summary);
         assert!(all.events.ends_with(&memory.events));
     }
@@ -446,6 +482,7 @@ fn of_a_fleet(options: TraceOptions) -> Vec<u8> {
         movers: 0,
         headings: false,
         progress: false,
+        waits: false,
         scene: Scene {
             cells: Some(Cells::new(&grid, 0.5)),
             endpoints: Cells::with_role(&grid, 0.5, Role::Endpoint),
@@ -917,13 +954,43 @@ fn claims_that_nothing_stands_behind_are_refused() {
             [&b"Z"[..], &[0xff; 4]].concat(),
             "longer than it can be",
         ),
-        (beginning(2, 2), frame(b'j', b""), "the journal makes no"),
+        (
+            beginning(2, 2),
+            frame(b'j', b""),
+            "flags of entries make no",
+        ),
         (
             beginning(2, 2),
             frame(b'j', &[2; 9]),
-            "the journal makes no",
+            "flags of entries make no",
         ),
         (beginning(2, 2), frame(b'r', &[1; 9]), "the remarks make no"),
+        // No such agent, one that waits for itself, for nobody there, for too large a number.
+        (
+            beginning(2, 2),
+            rows(b'd', 0, 1, &[0, 2, 0]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'd', 0, 1, &[0, 1, 3]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'd', 0, 1, &[0, 1, 4]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            rows(b'd', 0, 1, &[0, 1, 0xff, 0xff, 0xff, 0xff, 0xff, 1]),
+            "an entry makes no",
+        ),
+        (
+            beginning(2, 2),
+            [rows(b'd', 0, 1, &[5, 1, 0]), rows(b'd', 0, 1, &[4, 1, 0])].concat(),
+            "not in order",
+        ),
         (beginning(2, 2), rows(b'j', 0, 0, &[]), "number of entries"),
         (
             beginning(2, 2),

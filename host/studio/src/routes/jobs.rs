@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::{Path, State};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
 use axum::http::HeaderMap;
 use axum::response::{Json, Response};
 use axum::routing::{get, post};
@@ -22,6 +23,7 @@ use crate::desk::Now;
 use crate::files::{self, Files, Kind as FileKind};
 use crate::jobs::Origin;
 use crate::jobs::ask::{Asked, Given, Kind, PLAN};
+use crate::recordings::Span;
 use crate::server::Studio;
 
 pub(super) fn routes() -> Router<Arc<Studio>> {
@@ -31,6 +33,7 @@ pub(super) fn routes() -> Router<Arc<Studio>> {
         .route("/api/jobs/{id}/stop", post(stop))
         .route("/api/jobs/{id}/cancel", post(cancel))
         .route("/api/jobs/{id}/plan", get(plan))
+        .route("/api/jobs/{id}/reservations", get(reservations))
 }
 
 async fn all(State(studio): Shared) -> Result<Json<Value>> {
@@ -86,6 +89,19 @@ async fn delete(State(studio): Shared, Path(id): Path<u32>) -> Result<Json<Value
 async fn plan(State(studio): Shared, Path(id): Path<u32>, asked: HeaderMap) -> Result<Response> {
     let path = studio.jobs.file(id, PLAN)?;
     send_file(&path, "application/json", &asked).await
+}
+
+async fn reservations(
+    State(studio): Shared,
+    Path(id): Path<u32>,
+    span: std::result::Result<Query<Span>, QueryRejection>,
+) -> Result<Json<Value>> {
+    let Query(span) = span.map_err(|error| Refused::value(error.body_text()))?;
+    apart(move || {
+        let (path, _) = studio.jobs.plan(id)?;
+        Ok(Json(json!(studio.desk.reservations(id, &path, span)?)))
+    })
+    .await
 }
 
 impl Studio {

@@ -17,14 +17,16 @@ use super::sent::send_file;
 use super::{Shared, apart};
 use crate::answer::{Refused, Result};
 use crate::jobs::ask::{ANNOTATIONS, TRACE};
-use crate::recordings::{Window, clip as make_clip};
+use crate::recordings::{Span, Window, clip as make_clip};
 use crate::server::Studio;
+use crate::waits::waits as find_waits;
 
 pub(super) fn routes() -> Router<Arc<Studio>> {
     Router::new()
         .route("/api/recordings", get(all))
         .route("/api/recordings/{id}/meta", get(meta))
         .route("/api/recordings/{id}/clip", get(clip))
+        .route("/api/recordings/{id}/waits", get(waits))
         .route("/api/recordings/{id}/trace", get(trace))
         .route("/api/recordings/{id}/annotations", get(annotations))
 }
@@ -74,6 +76,16 @@ async fn clip(
         Ok(([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response())
     })
     .await
+}
+
+async fn waits(
+    State(studio): Shared,
+    Path(id): Path<u32>,
+    span: std::result::Result<Query<Span>, QueryRejection>,
+) -> Result<Json<Value>> {
+    let Query(span) = span.map_err(|error| Refused::value(error.body_text()))?;
+    let path = studio.trace(id)?;
+    apart(move || Ok(Json(find_waits(&path, span)?))).await
 }
 
 async fn trace(State(studio): Shared, Path(id): Path<u32>, asked: HeaderMap) -> Result<Response> {
