@@ -72,6 +72,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         "fleetyard-studio",
         &[
             "fleetyard-abi",
+            "fleetyard-bench",
             "fleetyard-check",
             "fleetyard-core",
             "fleetyard-runtime",

@@ -40,6 +40,7 @@ mod studio_document;
 mod studio_page;
 mod studio_pictures;
 mod studio_server;
+mod studio_suite;
 mod trace;
 mod tutorials;
 mod views;

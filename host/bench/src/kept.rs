@@ -6,10 +6,12 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use fleetyard_abi::Plan;
+use fleetyard_core::formats::own_format;
 use fleetyard_core::plan_file::PLAN_FILE_LIMIT;
 use fleetyard_core::{
-    GridInstance, GridPlan, PlanFile, RoadmapPlanFile, TrajectoryFile, write_plan,
-    write_roadmap_plan, write_trajectories,
+    Digest, GridInstance, GridPlan, InputError, PlanFile, RoadmapPlanFile, TrajectoryFile,
+    read_plan, read_roadmap_plan, read_trajectories, write_plan, write_roadmap_plan,
+    write_trajectories,
 };
 use fleetyard_views::{View, visits_of};
 
@@ -64,11 +66,20 @@ pub(crate) fn unpacked(packed: &[u8]) -> Option<Vec<u8>> {
     (text.len() as u64 <= PLAN_FILE_LIMIT).then_some(text)
 }
 
+/// Digest of the plan in a file that was kept.
+pub(crate) fn digest_of(source: &str, file: &[u8]) -> Result<Digest, InputError> {
+    Ok(match own_format(file) {
+        Some(b"plan") => Digest::of_plan(&read_plan(source, file)?.plan),
+        Some(b"roadmap-plan") => read_roadmap_plan(source, file)?.plan.digest(),
+        _ => read_trajectories(source, file)?.plan.digest(),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
-    use fleetyard_core::{Connectivity, Digest, Grid, read_plan};
+    use fleetyard_core::{Connectivity, Grid};
 
     use super::*;
 
@@ -83,6 +94,7 @@ mod tests {
         let file = read_plan("p.json", &text).unwrap();
         assert_eq!(file.plan, plan);
         assert_eq!(file.plan_digest, Some(Digest::of_plan(&plan)));
+        assert_eq!(digest_of("p.json", &text).unwrap(), Digest::of_plan(&plan));
         assert_eq!((file.rows, file.cols), (2, 3));
         assert_eq!(
             (file.planner, file.map, file.instance_digest),

@@ -23,6 +23,7 @@ mod places;
 mod plan;
 mod plugin;
 mod quantity;
+mod questions;
 mod record;
 pub mod report;
 mod row;
@@ -49,6 +50,7 @@ pub use options::{BudgetOptions, Robots, RobotsError, SandboxOptions, half_of_me
 pub use places::{Places, ScenarioPlace, TaskPlace};
 pub use plan::{Planned, Schedule, Shard, Step};
 pub use plugin::{GivenOptions, Plugin, Running};
+pub use questions::Questions;
 pub use record::{
     BudgetInfo, CallInfo, Ending, ExecutionInfo, IncumbentInfo, InstanceInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, milliseconds, number,

@@ -22,11 +22,15 @@ use std::time::{Duration, Instant};
 
 use fleetyard_core::{Digest, InputError, open_regular};
 use fleetyard_runtime::CodeFile;
+use rusqlite::limits::Limit;
 use rusqlite::types::{ToSqlOutput, ValueRef};
-use rusqlite::{Connection, ErrorCode, OpenFlags, ToSql, Transaction, TransactionBehavior, ffi};
+use rusqlite::{
+    Connection, ErrorCode, OpenFlags, OptionalExtension, ToSql, Transaction, TransactionBehavior,
+    ffi,
+};
 use rustix::fs::FlockOperation;
 
-use crate::kept::unpacked;
+use crate::kept::{digest_of, unpacked};
 use crate::places::Places;
 use crate::row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 
@@ -63,6 +67,9 @@ static NAMES: LazyLock<String> = LazyLock::new(|| {
 fn quoted(column: &Column) -> String {
     format!("\"{}\"", column.name)
 }
+
+/// Longest value, and longest row, that is read or written, in bytes.
+const LONGEST: i32 = 1 << 27;
 
 /// A store of trials.
 pub struct Store {
@@ -291,6 +298,7 @@ impl Store {
         };
         let open = |access: OpenFlags| -> rusqlite::Result<Connection> {
             let connection = Connection::open_with_flags(path, access | no_mutex)?;
+            connection.set_limit(Limit::SQLITE_LIMIT_LENGTH, LONGEST)?;
             // Nothing is read before the first statement.
             connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
             Ok(connection)
@@ -517,35 +525,100 @@ impl Store {
     /// host's time, also where an earlier version took the planner's word for it.
     pub fn rows(&self) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
-        self.visit(true, &mut |mut row| {
-            let claimed = row.call_time_ms == Some(row.solve_time_ms);
-            if claimed && row.round_trip_ms.is_none() && row.attach != "in-process" {
-                row.solve_time_ms = row.planning_time_ms;
-            }
+        self.each(&mut |row| {
             rows.push(row);
             Ok(())
         })?;
         Ok(rows)
+    }
+
+    /// Hands over the same trials one after the other.
+    pub fn each(&self, each: &mut dyn FnMut(Row) -> Result<()>) -> Result<()> {
+        self.visit(true, None, &mut |mut row| {
+            let claimed = row.call_time_ms == Some(row.solve_time_ms);
+            if claimed && row.round_trip_ms.is_none() && row.attach != "in-process" {
+                row.solve_time_ms = row.planning_time_ms;
+            }
+            each(row)
+        })
+    }
+
+    /// The trial of a key, if the suite asks for it and it is there.
+    pub fn trial(&self, key: &str) -> Result<Option<Row>> {
+        let mut trial = None;
+        self.visit(true, Some(key), &mut |row| {
+            trial = Some(row);
+            Ok(())
+        })?;
+        Ok(trial)
+    }
+
+    /// True if the plan of a trial was kept.
+    pub fn has_plan(&self, row: &Row) -> Result<bool> {
+        Ok(self.packed_plan(row, "1")?.is_some())
+    }
+
+    /// The plan file of a trial, if it was kept. Its plan has the digest that the trial has.
+    pub fn plan(&self, row: &Row) -> Result<Option<Vec<u8>>> {
+        let Some(rusqlite::types::Value::Blob(packed)) = self.packed_plan(row, "file")? else {
+            return Ok(None);
+        };
+        let digest = row.plan_digest.as_deref().unwrap_or_default();
+        let wrong = |what: &str| damaged(&self.path, &format!("plan {digest} {what}"));
+        let file = unpacked(&packed).ok_or_else(|| wrong("cannot be unpacked"))?;
+        if digest_of(&shown(&self.path), &file)?.to_string() != digest {
+            return Err(wrong("is another plan"));
+        }
+        Ok(Some(file))
+    }
+
+    /// A column of the plan of a trial.
+    fn packed_plan(&self, row: &Row, column: &str) -> Result<Option<rusqlite::types::Value>> {
+        let Some(digest) = row.plan_digest.as_deref() else {
+            return Ok(None);
+        };
+        if !self.has_plans()? {
+            return Ok(None);
+        }
+        let [rows, cols] = [row.map_rows, row.map_cols].map(Option::unwrap_or_default);
+        let asked = format!(
+            "SELECT {column} FROM plans WHERE plan_digest = ?1 AND map_rows = ?2 AND map_cols = ?3"
+        );
+        self.run(|connection| {
+            let found = connection.query_row(&asked, (digest, rows, cols), |row| row.get(0));
+            found.optional()
+        })
     }
 
     /// Every trial that belongs to an earlier state of the suite or of a planner's code.
     pub fn superseded(&self) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
-        self.visit(false, &mut |row| {
+        self.visit(false, None, &mut |row| {
             rows.push(row);
             Ok(())
         })?;
         Ok(rows)
     }
 
-    /// Reads trials one after the other, those that are current or those that are not.
-    fn visit(&self, current: bool, each: &mut dyn FnMut(Row) -> Result<()>) -> Result<()> {
+    /// Reads trials one after the other, those that are current or those that are not; that of a key alone,
+    /// if one is named.
+    fn visit(
+        &self,
+        current: bool,
+        key: Option<&str>,
+        each: &mut dyn FnMut(Row) -> Result<()>,
+    ) -> Result<()> {
         let failed = |error: rusqlite::Error| failed(&self.path, &error);
         let mut trials = self
             .connection
             .prepare(&format!(
-                "SELECT id, {} FROM trials WHERE current = ?1 ORDER BY \"trial\", \"key\"",
-                self.select
+                "SELECT id, {} FROM trials WHERE current = ?1 AND {} ORDER BY \"trial\", \"key\"",
+                self.select,
+                if key.is_some() {
+                    "\"key\" = ?2"
+                } else {
+                    "?2 IS NULL"
+                }
             ))
             .map_err(failed)?;
         let mut incumbents = self
@@ -554,7 +627,7 @@ impl Store {
                 "SELECT time_ms, soc_steps, valid FROM incumbents WHERE trial_id = ?1 ORDER BY number",
             )
             .map_err(failed)?;
-        let mut found = trials.query([current]).map_err(failed)?;
+        let mut found = trials.query((current, key)).map_err(failed)?;
         while let Some(row) = found.next().map_err(failed)? {
             let id: i64 = row.get(0).map_err(failed)?;
             let values = COLUMNS
@@ -831,7 +904,7 @@ impl Store {
                     .map_err(failed)
             })?;
             for current in [true, false] {
-                store.visit(current, &mut |row| {
+                store.visit(current, None, &mut |row| {
                     let there = same_key(&transaction, &row.key).map_err(failed)?;
                     match there {
                         None => {

@@ -50,6 +50,21 @@ impl Default for State {
     }
 }
 
+impl State {
+    /// Puts what was opened in the place of the document, in one step of the history. Returns what is not kept
+    /// of it.
+    fn put(&mut self, opened: Opened) -> std::result::Result<Vec<String>, Refusal> {
+        let Opened {
+            document,
+            notes,
+            files,
+        } = opened;
+        self.history.edit(&Edit::replace("open", document))?;
+        self.files = files;
+        Ok(notes)
+    }
+}
+
 #[derive(Debug, Clone)]
 struct Planned {
     document: Document,
@@ -177,26 +192,30 @@ impl Desk {
     /// Opens files that make a document together, in one step of the history.
     pub(crate) fn open(&self, sources: &[Source]) -> Result<(Now, Vec<String>)> {
         let mut state = self.state();
-        let Opened {
-            document,
-            notes,
-            files,
-        } = files::open(sources, state.history.document())?;
-        state.history.edit(&Edit::replace("open", document))?;
-        state.files = files;
+        let opened = files::open(sources, state.history.document())?;
+        let notes = state.put(opened)?;
         Ok((now(&state.history), notes))
+    }
+
+    /// Puts a document that is in no file in the place of the one that is there.
+    pub(crate) fn put(&self, document: Document) -> Result<Now> {
+        let mut state = self.state();
+        state.put(Opened {
+            document,
+            notes: Vec::new(),
+            files: None,
+        })?;
+        Ok(now(&state.history))
     }
 
     /// Begins with files, before anybody has seen the document.
     pub(crate) fn begin(&self, sources: &[Source]) -> std::result::Result<Vec<String>, InputError> {
         let mut state = self.state();
-        let Opened {
-            document,
-            notes,
-            files,
-        } = files::open(sources, state.history.document())?;
-        state.history = History::new(document);
-        state.files = files;
+        let opened = files::open(sources, state.history.document())?;
+        let notes = state
+            .put(opened)
+            .map_err(|refusal| files::refused("", refusal))?;
+        state.history = History::new(state.history.document().clone());
         Ok(notes)
     }
 

@@ -94,6 +94,18 @@ pub struct Tolerances {
     pub dynamics: f64,
 }
 
+impl Tolerances {
+    /// Those of a task.
+    pub(crate) fn of(task: &Task) -> Self {
+        Self {
+            goal_m: task.goal_tolerance_m,
+            goal_rad: task.goal_tolerance_rad,
+            goal_rate: task.goal_tolerance_rate,
+            dynamics: task.dynamics_tolerance,
+        }
+    }
+}
+
 impl Default for Tolerances {
     fn default() -> Self {
         Self {

@@ -14,14 +14,14 @@ use fleetyard_core::{
 };
 use fleetyard_sim::motion::{FleetFile, read_fleet};
 use fleetyard_views::{
-    Agent, End, Fleets, Place, State, TASK_FILE_LIMIT, Task, read_task, write_task,
+    Agent, End, Fleets, Place, Problem, State, TASK_FILE_LIMIT, Task, read_task, write_task,
 };
 use fleetyard_world::{Workspace, read_workspace, write_workspace};
 use serde_json::Value;
 
 use crate::artefacts::Artefacts;
 use crate::document::{
-    Document, Ground, MOST_AGENTS, Tolerances, check_map, check_world, too_many,
+    Document, Ground, MOST_AGENTS, Tolerances, Views, check_map, check_world, too_many,
 };
 use crate::edit::Refusal;
 
@@ -289,12 +289,7 @@ impl<'a> Given<'a> {
             ground,
             robots: Arc::new(robots),
             agents: Arc::new(agents),
-            tolerances: Tolerances {
-                goal_m: task.goal_tolerance_m,
-                goal_rad: task.goal_tolerance_rad,
-                goal_rate: task.goal_tolerance_rate,
-                dynamics: task.dynamics_tolerance,
-            },
+            tolerances: Tolerances::of(task),
             seed: task.seed,
             views: current.views,
         };
@@ -342,15 +337,7 @@ impl<'a> Given<'a> {
         if let (Some(list), Ground::Map { grid, cell_size_m }) =
             (self.agents.take(), &document.ground)
         {
-            let at = |cell: u32| {
-                let (x_m, y_m) = cell_center_m(grid, *cell_size_m, cell);
-                State {
-                    x_m,
-                    y_m,
-                    heading_rad: None,
-                    trailer_rad: None,
-                }
-            };
+            let at = |cell: u32| resting(grid, *cell_size_m, cell);
             let instance = self.instance(&list, grid)?;
             let ends = instance.starts().iter().zip(instance.goals());
             let agents = ends.map(|(start, goal)| Agent {
@@ -459,8 +446,86 @@ fn check(document: &Document) -> Result<(), Refusal> {
     document.check_places()
 }
 
-fn refused(source: &str, refusal: Refusal) -> InputError {
+pub(crate) fn refused(source: &str, refusal: Refusal) -> InputError {
     InputError::new(source, refusal.error).hint(refusal.hint)
+}
+
+/// The document of a problem, whose files it does not have.
+pub(crate) fn of_problem(problem: &Problem, views: Views) -> Result<Document, InputError> {
+    let task = &problem.task;
+    let ground = match (&problem.map, &task.place) {
+        (Some(grid), Place::Map { cell_size_m, .. }) => Ground::Map {
+            grid: Arc::new(renamed(grid, grid.name())?),
+            cell_size_m: *cell_size_m,
+        },
+        _ => world_ground(problem.world.clone()),
+    };
+    let profiles = problem.fleet.profiles();
+    let names: Vec<String> = match &task.fleet {
+        Fleets::Kinds(kinds) if kinds.len() == profiles.len() => {
+            kinds.iter().map(|(name, _)| name.clone()).collect()
+        }
+        _ => (0..profiles.len())
+            .map(|number| format!("robot-{number}"))
+            .collect(),
+    };
+    let agents = task.agents.iter().zip(problem.fleet.profile_of());
+    let agents = agents.map(|(agent, robot)| Agent {
+        robot: *robot,
+        ..*agent
+    });
+    let document = Document {
+        name: task.title().to_owned(),
+        ground,
+        robots: Arc::new(names.into_iter().zip(profiles.iter().cloned()).collect()),
+        agents: Arc::new(agents.collect()),
+        tolerances: Tolerances::of(task),
+        seed: task.seed,
+        views,
+    };
+    check(&document).map_err(|refusal| refused(&task.source, refusal))?;
+    Ok(document)
+}
+
+/// The document of an instance on a map: discs as wide as its cells.
+pub(crate) fn of_instance(
+    instance: &GridInstance,
+    cell_size_m: f64,
+    notes: &mut Vec<String>,
+) -> Result<Document, InputError> {
+    let mut given = Given::default();
+    let grid = instance.grid();
+    let at = |cell: &u32| resting(grid, cell_size_m, *cell);
+    let ends = instance.starts().iter().zip(instance.goals());
+    let agents = ends.map(|(start, goal)| Agent {
+        robot: 0,
+        start: at(start),
+        goal: at(goal),
+    });
+    let mut views = Views::default();
+    views.grid.connectivity = instance.connectivity();
+    let document = Document {
+        name: grid.name().to_owned(),
+        ground: given.map_ground(grid, cell_size_m)?,
+        robots: Arc::new(vec![Document::disc(0.5 * cell_size_m)]),
+        agents: Arc::new(agents.collect()),
+        views,
+        ..Document::default()
+    };
+    notes.append(&mut given.notes);
+    check(&document).map_err(|refusal| refused(grid.name(), refusal))?;
+    Ok(document)
+}
+
+/// A robot that stands in the middle of a cell.
+fn resting(grid: &Grid, cell_size_m: f64, cell: u32) -> State {
+    let (x_m, y_m) = cell_center_m(grid, cell_size_m, cell);
+    State {
+        x_m,
+        y_m,
+        heading_rad: None,
+        trailer_rad: None,
+    }
 }
 
 /// The terrain of a map under another name.

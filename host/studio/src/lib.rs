@@ -24,6 +24,7 @@ mod reservations;
 mod routes;
 mod scratch;
 mod server;
+mod suite;
 mod waits;
 mod web;
 

@@ -13,6 +13,7 @@ use std::time::Duration;
 use fleetyard_core::{InputError, open_regular};
 use fleetyard_runtime::Runtime;
 use rustix::fs::{FileType, fstat};
+use serde_json::{Value, json};
 use tokio::sync::Notify;
 
 use crate::access::Access;
@@ -25,6 +26,7 @@ use crate::planners::Planners;
 use crate::recordings::{Recordings, is_trace};
 use crate::routes::router;
 use crate::scratch::{Scratch, usual_base};
+use crate::suite::{Suite, is_store, store_in};
 
 /// The time that requests have to end when the studio does.
 const GOODBYE: Duration = Duration::from_secs(2);
@@ -32,8 +34,10 @@ const GOODBYE: Duration = Duration::from_secs(2);
 /// The beginning of a studio.
 #[derive(Debug)]
 pub struct Config {
-    /// The document, and recordings.
+    /// The document, recordings, and the store of a suite or a folder that has one.
     pub files: Vec<PathBuf>,
+    /// The trial of the suite that is opened at once, by its number or key.
+    pub trial: Option<String>,
     /// The address at which it listens.
     pub address: IpAddr,
     /// Its port; 0 for one that is free.
@@ -52,6 +56,10 @@ pub(crate) struct Studio {
     pub(crate) planners: Planners,
     pub(crate) jobs: Jobs,
     pub(crate) recordings: Recordings,
+    /// The suite whose trials can be opened.
+    pub(crate) suite: Option<Suite>,
+    /// The trial that was opened at the beginning, with its job.
+    pub(crate) begun_with: Option<Value>,
     pub(crate) trust: Vec<String>,
     /// Goes last: jobs work in it.
     _scratch: Scratch,
@@ -119,17 +127,27 @@ impl Server {
             News::Clip(clip) => news.clip(job, &clip),
         };
         let jobs = Jobs::new(scratch.path(), Box::new(tell)).map_err(cannot)?;
-        let studio = Studio {
+        let (suite, files) = suite_of(&config.files)?;
+        let mut studio = Studio {
             access: Access::new(config.address, port).map_err(cannot)?,
             desk: Desk::default(),
             feed,
             planners: Planners::new(config.runtime),
             jobs,
             recordings: Recordings::default(),
+            suite,
+            begun_with: None,
             trust: config.trust,
             _scratch: scratch,
         };
-        let notes = studio.begin(&config.files)?;
+        let mut notes = studio.begin(&files)?;
+        if let Some(trial) = &config.trial {
+            let opened = studio.open_trial(trial);
+            let opened = opened.map_err(|refused| refused.about(&format!("trial {trial}")))?;
+            let said = opened["notes"].as_array().into_iter().flatten();
+            notes.extend(said.filter_map(Value::as_str).map(str::to_owned));
+            studio.begun_with = Some(json!({"trial": opened["trial"], "job": opened["job"]["id"]}));
+        }
         Ok(Self {
             listener,
             studio: Arc::new(studio),
@@ -221,6 +239,28 @@ impl Studio {
         }
         Ok(notes)
     }
+}
+
+/// The suite among what the studio is started with, and the other files.
+fn suite_of(given: &[PathBuf]) -> Result<(Option<Suite>, Vec<PathBuf>), InputError> {
+    let begins_so = |path: &Path| beginning(path).is_ok_and(|begin| is_store(&begin));
+    let (mut suite, mut files) = (None, Vec::new());
+    for path in given {
+        let store = if path.is_dir() {
+            store_in(path, &begins_so)?
+        } else if begins_so(path) {
+            path.clone()
+        } else {
+            files.push(path.clone());
+            continue;
+        };
+        if suite.replace(Suite::open(&store)?).is_some() {
+            let reason = "there is another suite already";
+            return Err(InputError::new(path.display().to_string(), reason)
+                .hint("merge stores of one suite: `fleetyard store merge ALL STORE…`"));
+        }
+    }
+    Ok((suite, files))
 }
 
 /// The first bytes of a file.

@@ -38,6 +38,7 @@ files![
     "selection.js",
     "store.js",
     "studio.css",
+    "suite.js",
     "survey.js",
     "tools.js",
     "waits.js",

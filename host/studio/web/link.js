@@ -11,6 +11,7 @@ export function readLink() {
     time: said.has('t') && Number.isFinite(Number(said.get('t'))) ? Number(said.get('t')) : null,
     selection: (said.get('sel') ?? '').split(',').filter((key) => /^[sgom]\d+$/.test(key)), watched: numbers('watch'), robot: said.has('robot') ? Number(said.get('robot')) : null,
     follow: said.has('follow'),
+    trial: said.get('trial'),
     layers: (said.get('layers') ?? '').split(',').filter(Boolean),
   };
 }

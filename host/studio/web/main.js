@@ -16,6 +16,7 @@ import { Layers } from './layers.js';
 import { Jobs, isOver } from './jobs.js';
 import { Minimap } from './minimap.js';
 import { Watch } from './watch.js';
+import { Suite } from './suite.js';
 import { worldPanel } from './panel-world.js';
 import { robotsPanel } from './panel-robots.js';
 import { planPanel } from './panel-plan.js';
@@ -34,7 +35,7 @@ const app = {
   get editing() { return app.current !== 'watch' || !app.watch.open; },
   /** The stage that commands of the view are about. */
   get view() { return app.editing ? app.stage : app.watch.stage; },
-  tab, moved,
+  tab, moved, took,
 };
 readTheme();
 app.selection = new Selection(store);
@@ -45,6 +46,7 @@ app.layers = new Layers(store, () => { app.stage.invalidate(); panels.world.draw
 app.tools = new Tools(app);
 app.jobs = new Jobs((id, before) => jobChanged(id, before));
 app.watch = new Watch(app);
+app.suite = new Suite(app, () => { if (app.current === 'watch') panels.watch.draw(); });
 const minimap = new Minimap($('minimap'), { stageOf: () => app.view, store, shown: () => app.editing || app.watch.panes.length === 1 });
 const panels = {
   world: worldPanel(app, $('tab-world')), robots: robotsPanel(app, $('tab-robots')),
@@ -157,6 +159,7 @@ function jobChanged(id, before) {
   panels.plan.drawJobs();
   if (job && before && before.state !== job.state && job.state === 'done') say(`job ${id} is done`);
   if (job) watch.changed(job);
+  app.suite.heard(job);
   if (app.current === 'watch') panels.watch.draw();
 }
 
@@ -500,6 +503,7 @@ async function begin() {
     api.presets().then((found) => { app.presets = found; for (const preset of found) app.kinds.presets.set(preset.name, preset); }),
     jobs.load(),
     recordings(),
+    app.suite.load(),
     api.exports().then((found) => {
       forms = found;
       register(...found.map(({ as, about }) => ({ id: `export-${as}`, name: `Export ${as}: ${about}`, group: 'File', icon: 'export', run: () => exportAs(as) })));
@@ -517,11 +521,14 @@ async function begin() {
     },
   });
   if (wish.watched.length) await watch.show(wish.watched, { tab: false, at: wish.time });
-  tab(TABS.some(([id]) => id === wish.tab) ? wish.tab : 'world');
+  tab(TABS.some(([id]) => id === wish.tab) ? wish.tab : app.suite.about ? 'watch' : 'world');
   if (wish.tool) tools.choose(wish.tool);
   selection.set(wish.selection.filter((key) => selection.all().includes(key)));
   if (wish.robot !== null && watch.open) watch.select(wish.robot, wish.follow);
   if (wish.camera) app.view.look({ x: wish.camera[0], y: wish.camera[1], scale: wish.camera[2] });
+  // The address of a trial becomes that of what is shown of it.
+  if (wish.trial !== null) await app.suite.open(wish.trial);
+  else if (!wish.watched.length) await app.suite.begin();
   begun = true;
   moved();
   document.documentElement.dataset.ready = 'true';

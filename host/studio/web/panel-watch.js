@@ -207,7 +207,7 @@ export function watchPanel(app, node) {
   }
 
   function draw() {
-    fill(node, chooser(), live(), overlays(), robot(), dependencies(), trouble(), timelines(), facts());
+    fill(node, ...app.suite.draw(), chooser(), live(), overlays(), robot(), dependencies(), trouble(), timelines(), facts());
     drawLanes();
     tellNow();
   }

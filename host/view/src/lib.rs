@@ -39,7 +39,7 @@ pub use layers::Layers;
 pub use overview::{Meta, Overview};
 pub use png::{Difference, difference, png};
 pub use recording::Recording;
-pub use shell::{Shell, embedded};
+pub use shell::{Shell, embedded, policy};
 pub use still::Still;
 pub use svg::{Body, Picture};
 pub use track::base64;

@@ -10,6 +10,7 @@ mod columns;
 mod figure;
 mod figures;
 mod format;
+mod load;
 mod markdown;
 mod page;
 mod palette;
@@ -17,9 +18,13 @@ mod story;
 mod svg;
 mod table;
 
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
 use serde::Serialize;
 
 pub use figure::{Axis, Figure, Marks, Series};
+pub use load::Loaded;
 pub use svg::svg;
 pub use table::Table;
 
@@ -47,6 +52,10 @@ pub struct Subject {
     pub path_rule: Option<String>,
     /// The places of suites' files, for commands that make a trial again.
     pub places: Places,
+    /// The store of each trial, by its key: a page says there how the studio opens it.
+    pub stores: BTreeMap<String, PathBuf>,
+    /// True of a page that the studio serves: it links to its trials there.
+    pub in_studio: bool,
     /// The origin of the trials: names and values.
     pub facts: Vec<(String, String)>,
     /// Longer texts: names and what they say, such as the suite's file.
@@ -132,6 +141,11 @@ impl<'a> Report<'a> {
     /// All that have something to show.
     pub fn figures(&self) -> Vec<Figure> {
         Maker::new(&self.trials, &self.evaluation).all()
+    }
+
+    /// The policy of the page, which lets it load nothing and run its own script alone.
+    pub fn policy() -> String {
+        page::policy()
     }
 
     /// The page, of which nothing is outside.

@@ -67,6 +67,10 @@ struct Data<'a> {
     /// Numbers of the planners that are held against each other at first.
     scatter: [usize; 2],
     quality: Quality,
+    /// Of each trial its store.
+    stores: Packed,
+    /// True if the studio serves the page.
+    in_studio: bool,
 }
 
 /// Planners against one of them.
@@ -157,6 +161,17 @@ fn ranks(report: &Report<'_>, planners: &[&str]) -> Vec<Option<[usize; 2]>> {
     planners.iter().map(of).collect()
 }
 
+/// The store of a trial in the words of a command line.
+fn store(report: &Report<'_>, row: &Row) -> String {
+    let store = report.subject.stores.get(&row.key);
+    store.map_or_else(|| "STORE".to_owned(), |path| path.display().to_string())
+}
+
+/// The policy of the page.
+pub(super) fn policy() -> String {
+    fleetyard_view::policy(&SCRIPT)
+}
+
 /// The page.
 pub(super) fn html(report: &Report<'_>) -> String {
     let booleans = COLUMNS.iter().filter(|c| c.kind == ColumnType::Boolean);
@@ -195,6 +210,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
         ranks: ranks(report, &planners),
         unit: report.subject.unit.name(),
         quality: Quality::of(&rows, moments(&report.trials)),
+        stores: pack_words("store", rows.iter().map(|row| store(report, row))),
+        in_studio: report.subject.in_studio,
         planners,
     };
     // Numbers are finite and keys are text: there is nothing that JSON cannot hold.

@@ -1,22 +1,21 @@
 //! `fleetyard report`: what the trials of stores say, in the terminal, as a page, as
 //! Markdown, as figures and as CSV.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fleetyard_bench::Row;
 use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
-use fleetyard_bench::export::{Format as Export, export, rfc3339};
-use fleetyard_bench::report::{Report, Subject, Table, svg, two_runs};
-use fleetyard_bench::{Places, Row, Store};
-use fleetyard_core::{InputError, nearest, read_file, write_all_atomically};
+use fleetyard_bench::export::{Format as Export, export};
+use fleetyard_bench::report::{Loaded, Report, Table, svg, two_runs};
+use fleetyard_core::{InputError, nearest, write_all_atomically};
 use serde_json::json;
 
 use crate::args::{Format, word};
 use crate::exit::{Exit, Failure, Result, internal};
-use crate::files::file_name;
 use crate::output;
 
 /// Trials that are named where two runs differ.
@@ -113,101 +112,19 @@ fn is_store(name: &str) -> bool {
     Path::new(name).is_file()
 }
 
-/// The largest manifest that is shown, in bytes.
-const MANIFEST_LIMIT: u64 = 16 << 20;
-
-pub(super) struct Loaded {
-    pub(super) subject: Subject,
-    pub(super) rows: Vec<Row>,
-}
-
-/// All trials of the stores, and what they are about.
+/// All trials of the stores, with remarks for whoever asked.
 pub(super) fn load(stores: &[PathBuf], rank: Option<Order>) -> Result<Loaded> {
-    let mut rows: BTreeMap<String, Row> = BTreeMap::new();
-    let mut subject = Subject::default();
-    let (mut order, mut unit) = (None, None);
-    let mut doubled = 0usize;
-    let mut machines = BTreeMap::new();
-    let mut titles: Vec<String> = Vec::new();
-    let mut asked = Some(0);
-    for path in stores {
-        let store = Store::open_read_only(path)?;
-        let meta = store.meta()?;
-        let values: serde_json::Value =
-            serde_json::from_str(&meta.suite_values).unwrap_or_default();
-        let found = store.rows()?;
-        subject.facts.push((
-            "store".to_owned(),
-            format!("{}, {} trials", file_name(path), found.len()),
-        ));
-        for row in found {
-            if rows.insert(row.key.clone(), row).is_some() {
-                doubled += 1;
-            }
-        }
-        if !titles.contains(&meta.suite) {
-            titles.push(meta.suite.clone());
-            asked = asked.zip(meta.asked).map(|(sum, more)| sum + more);
-            let created = rfc3339(meta.created_unix_ms);
-            subject.facts.extend([
-                ("suite".to_owned(), meta.suite.clone()),
-                ("suite digest".to_owned(), meta.suite_digest.clone()),
-                ("fleetyard".to_owned(), meta.fleetyard.clone()),
-                ("begun".to_owned(), created),
-            ]);
-            let name = format!("Suite {}", meta.suite);
-            subject.texts.push((name, meta.suite_text.clone()));
-            if subject.description.is_none() {
-                let text = values["description"].as_str();
-                subject.description = text.map(str::to_owned);
-            }
-            let Places {
-                scenarios,
-                tasks,
-                planners,
-                ..
-            } = meta.places;
-            subject.places.scenarios.extend(scenarios);
-            subject.places.tasks.extend(tasks);
-            subject.places.planners.extend(planners);
-            let rule = values["protocol"]["path_rule"].as_str();
-            subject.path_rule = rule.filter(|rule| *rule != "steps").map(str::to_owned);
-            let ranking = &values["protocol"]["ranking"];
-            order = order.or_else(|| serde_json::from_value(ranking.clone()).ok());
-            let generalised = &values["protocol"]["generalise_over"];
-            unit = unit.or_else(|| serde_json::from_value(generalised.clone()).ok());
-        }
-        machines.extend(store.machines()?);
-        let manifest = path.with_extension("manifest.json");
-        if let Ok(bytes) = read_file(&manifest, MANIFEST_LIMIT)
-            && let Ok(text) = String::from_utf8(bytes)
-        {
-            let name = format!("Manifest {}", file_name(&manifest));
-            subject.texts.push((name, text));
-        }
-    }
-    if doubled > 0 {
+    let loaded = Loaded::load(stores, rank)?;
+    if loaded.doubled > 0 {
         output::note(&format!(
-            "{doubled} trials are in several stores; those of the last one are taken"
+            "{} trials are in several stores; those of the last one are taken",
+            loaded.doubled
         ));
     }
-    let rows: Vec<Row> = rows.into_values().collect();
-    if rows.is_empty() {
+    if loaded.rows.is_empty() {
         output::warning("there are no trials in what was given");
     }
-    subject.asked = asked;
-    subject.title = titles.join(", ");
-    if subject.title.is_empty() {
-        "Trials".clone_into(&mut subject.title);
-    }
-    subject.order = rank.or(order).unwrap_or_default();
-    subject.unit = unit.unwrap_or_default();
-    subject.facts.extend(planners(&rows));
-    for (digest, description) in machines {
-        let name = format!("Machine {}", digest.get(..12).unwrap_or(&digest));
-        subject.texts.push((name, description));
-    }
-    Ok(Loaded { subject, rows })
+    Ok(loaded)
 }
 
 /// The name that was meant, or else all that there are.
@@ -239,28 +156,6 @@ fn keep_maps(loaded: &mut Loaded, maps: &[String]) -> Result<()> {
         let _ = write!(loaded.subject.title, ", {map}");
     }
     Ok(())
-}
-
-/// The code of each planner.
-fn planners(rows: &[Row]) -> Vec<(String, String)> {
-    let mut found: BTreeMap<&str, Vec<String>> = BTreeMap::new();
-    for row in rows {
-        let digest = row.planner_digest.as_deref().unwrap_or("no digest");
-        let options = match row.options.as_str() {
-            "" | "{}" => String::new(),
-            options => format!(", {options}"),
-        };
-        let what = format!(
-            "{} {}, {}{options}, {digest}",
-            row.planner_id, row.planner_version, row.attach
-        );
-        let known = found.entry(&row.planner).or_default();
-        if !known.contains(&what) {
-            known.push(what);
-        }
-    }
-    let fact = |(label, what): (&str, Vec<String>)| (label.to_owned(), what.join("; "));
-    found.into_iter().map(fact).collect()
 }
 
 fn compare_stores(a: &str, b: &str) -> Result<(RunComparison, Vec<Table>)> {

@@ -20,9 +20,14 @@ use crate::setup::{runtime, trust};
 /// secret that lets a browser in.
 #[derive(Debug, Args)]
 pub(crate) struct Studio {
-    /// A task, a world, a map or a scenario to begin with, and traces to watch
+    /// A task, a world, a map or a scenario to begin with, traces to watch, and the store of a suite, or a
+    /// folder with one, whose trials to open
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// The trial of the suite that is opened at once: its task or map, and its plan where the suite keeps
+    /// plans
+    #[arg(long, value_name = "ID", requires = "files")]
+    trial: Option<String>,
     /// Port of the page; 0 is one that is free
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
@@ -46,6 +51,7 @@ pub(crate) fn studio(arguments: &Studio) -> Result<Exit> {
     }
     let server = Server::bind(Config {
         files: arguments.files.clone(),
+        trial: arguments.trial.clone(),
         address: arguments.bind,
         port: arguments.port,
         runtime: runtime(trust(&arguments.trust)?)?,

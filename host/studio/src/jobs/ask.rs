@@ -182,6 +182,28 @@ impl Asked {
         }
     }
 
+    /// The command that executes a plan with arguments that were made here: on a task's view, or on a map.
+    pub(crate) fn kept(given: &Given<'_>, view: Representation, terms: &[String]) -> Order {
+        let mut line = Line::new("simulate");
+        line.words.push(PLAN.into());
+        if given.map.is_empty() {
+            line.pair("--task", given.task);
+            line.view(view, given.views);
+        } else {
+            line.pair("--map", given.map);
+        }
+        line.words.extend(terms.iter().cloned());
+        line.pair("--trace", TRACE);
+        Order {
+            kind: Kind::Simulate,
+            planner: None,
+            view: Some(view),
+            plan_of: None,
+            opened: None,
+            commands: vec![line.command(Kind::Simulate)],
+        }
+    }
+
     /// The kind of the job, if it is one.
     pub(crate) fn kind(&self) -> Result<Kind> {
         match (&self.run, &self.simulate, &self.fleet) {

@@ -240,7 +240,7 @@ async fn clearance(
 
 impl Studio {
     /// Tells all pages of a change, and the answer for the one that made it.
-    fn changed(&self, now: &Now) -> Result<Value> {
+    pub(super) fn changed(&self, now: &Now) -> Result<Value> {
         self.feed.changed(now.version);
         self.desk.tell(now)
     }

@@ -22,7 +22,7 @@ use crate::answer::{Refused, Result};
 use crate::desk::Now;
 use crate::files::{self, Files, Kind as FileKind};
 use crate::jobs::Origin;
-use crate::jobs::ask::{Asked, Given, Kind, PLAN};
+use crate::jobs::ask::{Asked, Given, Kind, Order, PLAN};
 use crate::recordings::Span;
 use crate::server::Studio;
 
@@ -166,7 +166,7 @@ impl Studio {
         let now = self.desk.now();
         let views = serde_json::to_value(now.document.views());
         let views = views.map_err(|error| Refused::machine("views cannot be written", error))?;
-        let mut order = Asked::execution(id).order(&Given {
+        let order = Asked::execution(id).order(&Given {
             planners: &[],
             task: &files::task_file(&now.document),
             map: "",
@@ -174,20 +174,32 @@ impl Studio {
             trust: &self.trust,
             view_of: &|_| Ok(view),
         })?;
+        Ok(json!({"job": self.execute(&now, id, order, name, bytes)?}))
+    }
+
+    /// Executes a plan on the document as it was a moment ago, under the name that it was opened by.
+    pub(crate) fn execute(
+        &self,
+        now: &Now,
+        id: u32,
+        mut order: Order,
+        name: &str,
+        bytes: &[u8],
+    ) -> Result<Value> {
         order.plan_of = None;
         order.opened = Some(name.to_owned());
         let folder = self.jobs.folder(id);
         let write = || {
             make_folder(&folder)?;
-            self.write_task(&now, &folder)?;
+            self.write_task(now, &folder)?;
             put(&folder.join(PLAN), bytes)?;
-            self.desk.origin(&now)
+            self.desk.origin(now)
         };
         let origin = write().inspect_err(|_| {
             let _ = fs::remove_dir_all(&folder);
         })?;
         self.desk.plans(id, now.document.clone());
-        Ok(json!({"job": self.jobs.add(id, order, None, origin)?}))
+        self.jobs.add(id, order, None, origin)
     }
 
     /// Writes the files of a document that can be planned for.

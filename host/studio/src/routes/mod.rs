@@ -4,6 +4,7 @@ mod document;
 mod jobs;
 mod recordings;
 mod sent;
+mod suite;
 
 use std::path::Path as FilePath;
 use std::pin::Pin;
@@ -64,6 +65,7 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
         .merge(document::routes())
         .merge(jobs::routes())
         .merge(recordings::routes())
+        .merge(suite::routes())
         .fallback(async || Refused::unknown("route"))
         .layer(from_fn_with_state(Arc::clone(&studio), door))
         .with_state(studio)
@@ -81,7 +83,8 @@ async fn door(State(studio): Shared, request: Request, next: Next) -> Response {
     };
     let headers = response.headers_mut();
     for (name, value) in HEADERS {
-        headers.insert(name, value);
+        // A report's page has a stricter policy of its own.
+        headers.entry(name).or_insert(value);
     }
     response
 }

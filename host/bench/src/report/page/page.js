@@ -364,10 +364,8 @@ function follow() {
 /** Words of a command line as a shell reads them. */
 const quoted = (word) => /^[\w@%+=:,./-]+$/.test(word) ? word : `'${String(word).replace(/'/g, `'\\''`)}'`;
 
-function showTrial(i) {
-  const at = (name) => columns[name].at(i);
-  $('trial-title').textContent = `Trial ${at('trial')}: ${entrants.at(i)}, ${outcomes.values[outcomes.of[i]]}`;
-  const command = commandsOf(i);
+/** A command line to copy. */
+function commandBox(command) {
   const copy = make('button', { type: 'button', onclick: async () => {
     try {
       await navigator.clipboard.writeText(command);
@@ -377,6 +375,19 @@ function showTrial(i) {
     }
   } }, 'Copy');
   const code = make('code', {}, command);
+  return make('div', { class: 'command' }, code, copy);
+}
+
+/** How the studio opens a trial: by a link where it has served the page, else by a command. */
+function opening(i) {
+  const number = columns.trial.at(i);
+  if (data.in_studio) return make('p', {}, make('a', { href: `/#trial=${number}` }, 'Open this trial in the studio'));
+  return commandBox(['fleetyard', 'studio', stores.at(i), '--trial', number].map((word) => quoted(String(word))).join(' '));
+}
+
+function showTrial(i) {
+  const at = (name) => columns[name].at(i);
+  $('trial-title').textContent = `Trial ${at('trial')}: ${entrants.at(i)}, ${outcomes.values[outcomes.of[i]]}`;
   const same = [];
   for (let j = 0; j < count; j++) if (instances.of[j] === instances.of[i]) same.push(j);
   const others = make('table', {}, make('thead', {}, make('tr', {}, make('th', { class: 'text' }, 'Planner'), make('th', {}, 'Repeat'),
@@ -392,7 +403,7 @@ function showTrial(i) {
       make('dd', {}, column.at(i) === null ? '–' : text(booleans.has(column.name) ? column.at(i) === 1 : column.at(i)), small(column.doc)));
   }
   $('trial-body').replaceChildren(
-    make('h3', {}, 'Run it again and watch it'), make('div', { class: 'command' }, code, copy),
+    make('h3', {}, 'Watch its plan'), opening(i), make('h3', {}, 'Run it again and watch it'), commandBox(commandsOf(i)),
     make('h3', {}, `On the same instance and seed (${same.length})`), make('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Trials on the same instance' }, others),
     make('h3', {}, 'All columns'), facts);
 }
