@@ -302,7 +302,7 @@ impl Suite {
             (Question::Grid(instance), _) => {
                 on_map(config, questions.robots(), &mut terms, &mut notes);
                 if questions.protocol().path_rule != PathRule::Steps {
-                    pair(&mut terms, "--path-rule", questions.protocol().path_rule);
+                    pair(&mut terms, "--path-rule", &questions.protocol().path_rule);
                 }
                 let document = files::of_instance(&instance, config.cell_size_m, &mut notes)?;
                 (document, Representation::Grid, None)
@@ -430,7 +430,7 @@ fn again(row: &Row) -> Value {
     }})
 }
 
-fn pair(words: &mut Vec<String>, flag: &str, value: impl ToString) {
+fn pair(words: &mut Vec<String>, flag: &str, value: &dyn ToString) {
     // A number may begin as an argument does.
     words.push(format!("{flag}={}", value.to_string()));
 }
@@ -470,7 +470,7 @@ fn conduct(config: &SimConfig) -> Vec<String> {
     let heading = |config: &SimConfig| config.start_heading_rad.to_degrees().to_string();
     put("--start-heading", heading(config), heading(&usual));
     if let Some(limit_s) = config.time_limit_s {
-        pair(&mut words, "--time-limit", limit_s);
+        pair(&mut words, "--time-limit", &limit_s);
     }
     if config.until_done {
         words.push("--until-done".into());
@@ -488,15 +488,10 @@ fn on_map(
     words: &mut Vec<String>,
     notes: &mut Vec<String>,
 ) {
-    let usual = SimConfig::default();
-    if config.cell_size_m != usual.cell_size_m {
-        pair(words, "--cell-size", config.cell_size_m);
-    }
-    if config.step_s != usual.step_s {
-        pair(words, "--step", config.step_s);
-    }
+    pair(words, "--cell-size", &config.cell_size_m);
+    pair(words, "--step", &config.step_s);
     if let Some(radius_m) = config.radius_m {
-        pair(words, "--radius", radius_m);
+        pair(words, "--radius", &radius_m);
     }
     match robots {
         Some(Robots::Model(name)) => pair(words, "--model", name),
