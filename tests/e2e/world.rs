@@ -218,19 +218,18 @@ fn maps_have_allowed_moves() {
 #[test]
 fn the_map_of_a_task_is_not_replaced() {
     let yard = Yard::new();
-    for name in ["maze-21-21-1.map", "maze.task.json"] {
-        std::fs::copy(root().join("maps").join(name), yard.path(name)).unwrap();
-    }
-    let before = std::fs::read(yard.path("maze-21-21-1.map")).unwrap();
-    let ended = yard
-        .line("world grid maze.task.json --name maze-21-21-1")
-        .expect(INPUT);
-    assert!(ended.stderr.contains("another name"), "{ended}");
-    assert_eq!(
-        std::fs::read(yard.path("maze-21-21-1.map")).unwrap(),
-        before
+    let map = "type octile\nheight 2\nwidth 3\nmap\n...\n...\n";
+    let robots = r#"{"cart": {"footprint": {"disc": {"radius_m": 0.5}}, "model": {"single-integrator": {"speed_m_per_s": 1.0}}}}"#;
+    let task = format!(
+        r#"{{"format": "fleetyard.task/1", "map": "hall.map", "cell_size_m": 1.0, "robots": {robots},
+            "agents": [{{"robot": "cart", "start": [0.5, 0.5], "goal": [2.5, 0.5]}}]}}"#
     );
-    yard.line("world grid maze.task.json --name other")
+    std::fs::write(yard.path("hall.map"), map).unwrap();
+    std::fs::write(yard.path("hall.task.json"), task).unwrap();
+    let ended = yard.line("world grid hall.task.json").expect(INPUT);
+    assert!(ended.stderr.contains("another name"), "{ended}");
+    assert_eq!(std::fs::read_to_string(yard.path("hall.map")).unwrap(), map);
+    yard.line("world grid hall.task.json --name other")
         .expect(SUCCESS);
 }
 
