@@ -46,6 +46,8 @@ export class Jobs {
   get(id) { return this.all.get(id) ?? null; }
 }
 
+const VIEW_NAMES = { grid: 'grid', roadmap: 'roadmap', continuous: 'plane' };
+
 /** A command line as a shell reads it. */
 const commandLine = (argv) => argv.map((word) => /^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`).join(' ');
 
@@ -59,7 +61,11 @@ export function verdictOf(job) {
   const judged = now && !now.error ? now : record?.judged ?? record?.verdict ?? {};
   const none = now?.error ?? judged.no_plan ?? judged.no_place ?? record?.verdict?.no_plan ?? null;
   const valid = judged.valid ?? record?.verdict?.valid ?? false;
-  return { valid: Boolean(valid) && !none, none, violations: violationsOf(judged, stepOf(job)) };
+  const isValid = Boolean(valid) && !none;
+  // A plan may keep the rules of its view where bodies overlap: by the rules of MAPF robots follow each other round corners.
+  const inView = judged.view?.valid && judged.world && !judged.world.valid;
+  const words = none ? 'no plan' : isValid ? '✓ valid' : inView ? `✓ valid on the ${VIEW_NAMES[job.view] ?? 'view'}, ✕ not in the world` : '✕ invalid';
+  return { valid: isValid, none, words, violations: violationsOf(judged, stepOf(job)) };
 }
 
 /** Violations by view and world, in the order of their times: `{rule, agents, time_s, text}`. */
@@ -113,4 +119,4 @@ export function incumbentsOf(job) {
 /** True if it has come to something. */
 export const hasResult = (job) => Boolean(job.record || job.execution || job.fleet);
 
-export const nameOf = (job) => job.opened ?? (job.kind === 'fleet' ? `fleet with ${job.planner}` : `${job.planner ?? job.kind ?? 'job'}${job.view ? ` on the ${{ grid: 'grid', roadmap: 'roadmap', continuous: 'plane' }[job.view] ?? job.view}` : ''}`);
+export const nameOf = (job) => job.opened ?? (job.kind === 'fleet' ? `fleet with ${job.planner}` : `${job.planner ?? job.kind ?? 'job'}${job.view ? ` on the ${VIEW_NAMES[job.view] ?? job.view}` : ''}`);

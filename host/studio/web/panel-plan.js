@@ -186,7 +186,7 @@ export function planPanel(app, node) {
     const over = isOver(job), verdict = over ? verdictOf(job) : null;
     const failed = over && !hasResult(job);
     const state = !over ? [job.state === 'queued' ? '' : 'running', job.state] : failed ? ['failed', job.state === 'cancelled' ? 'cancelled' : 'no result']
-      : verdict?.none ? ['failed', 'no plan'] : verdict ? verdict.valid ? ['valid', '✓ valid'] : ['invalid', '✕ invalid'] : ['', job.state];
+      : verdict ? [verdict.none ? 'failed' : verdict.valid ? 'valid' : 'invalid', verdict.words] : ['', job.state];
     card.className = `card job ${over ? failed || (verdict && !verdict.valid) ? 'bad' : 'ok' : ''}`;
     const plans = incumbentsOf(job), canvas = plans.length ? h('canvas', { class: 'chart', role: 'img', 'aria-label': chartWords(plans) }) : null;
     const facts = figuresOf(job);

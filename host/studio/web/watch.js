@@ -221,7 +221,7 @@ export class Watch {
   }
 
   titleOf(id, verdict) {
-    return this.nameOf(id) + (verdict ? verdict.valid ? ', ✓ valid' : ', ✕ invalid' : '');
+    return this.nameOf(id) + (verdict ? `, ${verdict.words}` : '');
   }
 
   /** All show the same part of the world, where their worlds are the same. */
