@@ -218,6 +218,8 @@ def study_figure(trials, study):
     known = known or [(100.0, 100.0)]
     left, top, wide, high, gap = 62, 46, 205, 200, 24
     low, most = (bound(math.log10(limit(at[0] for at in known))) for bound, limit in ((math.floor, min), (math.ceil, max)))
+    # All may be one value.
+    most = max(most, low + 1)
     highest = min(200, 10 * math.ceil(max(at[1] for at in known) / 10))
     y = lambda value: top + high - (min(value, highest) - 95) / (highest - 95) * high
     out = [f'<text x="12" y="{top - 10}" class="name">SoC, %</text>']

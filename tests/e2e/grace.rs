@@ -178,11 +178,16 @@ fn the_page_about_grace_is_what_its_rows_say() {
     }
     let yard = Yard::new();
     fs::create_dir(yard.path("grace-a")).unwrap();
-    for file in ["rows.csv", "planners.csv"] {
+    for file in ["rows.csv", "planners.csv", "study.csv"] {
         fs::copy(kept.join(file), yard.path("grace-a").join(file)).unwrap();
     }
     script(&yard, "page --page grace-a.md").expect(SUCCESS);
-    for file in ["grace-a.md", "grace-a/figure.svg", "grace-a/by-planner.csv"] {
+    for file in [
+        "grace-a.md",
+        "grace-a/figure.svg",
+        "grace-a/study.svg",
+        "grace-a/by-planner.csv",
+    ] {
         let there = fs::read_to_string(results.join(file)).unwrap();
         assert!(
             text(&yard, file) == there,

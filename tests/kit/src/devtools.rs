@@ -2,6 +2,7 @@
 //! seen and what a screen reader is told.
 
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -14,6 +15,17 @@ use tungstenite::{Message, WebSocket};
 /// A browser that does not do something by then hangs.
 const PATIENCE: Duration = Duration::from_mins(1);
 const PAUSE: Duration = Duration::from_millis(20);
+
+/// The next message of a socket. A read with a time limit is interrupted where the machine stops processes for a while,
+/// and begun again.
+pub(crate) fn read(socket: &mut WebSocket<TcpStream>) -> tungstenite::Result<Message> {
+    loop {
+        match socket.read() {
+            Err(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+            other => return other,
+        }
+    }
+}
 
 /// A page in a browser of its own, both of which end with this.
 pub struct Page {
@@ -112,7 +124,7 @@ impl Page {
         }
         self.socket.send(message.to_string().into()).unwrap();
         loop {
-            let Message::Text(text) = self.socket.read().unwrap() else {
+            let Message::Text(text) = read(&mut self.socket).unwrap() else {
                 continue;
             };
             let mut said: Value = serde_json::from_str(&text).unwrap();

@@ -11,6 +11,7 @@ use serde_json::Value;
 use tungstenite::{Message, WebSocket, client};
 
 use crate::command::{Ended, Started, Yard, until, words};
+use crate::devtools::read;
 
 /// A studio.
 pub struct Studio {
@@ -226,7 +227,7 @@ impl Drop for Studio {
 /// The next message of a feed as JSON; frames of clips are passed over.
 pub fn next_text(feed: &mut WebSocket<TcpStream>) -> Value {
     loop {
-        match feed.read().unwrap() {
+        match read(feed).unwrap() {
             Message::Text(text) => return serde_json::from_str(&text).unwrap(),
             Message::Close(_) => return Value::Null,
             _ => {}
