@@ -27,7 +27,7 @@ export class Live {
   /** `feed` carries clips and commands of a job; `recording` is its, `clock` the one to keep in step. */
   constructor({ job, feed, recording, clock, changed }) {
     Object.assign(this, { job, feed, recording, clock, changed });
-    this.motion = new Clips({ bodies: recording.ids.length, end_s: 0, arrived: () => {} });
+    this.motion = new Clips({ bodies: recording.ids.length, end_s: 0 });
     /** True while one watches what happens now, and not what was. */
     this.following = true;
     this.click = 'follow';
