@@ -113,7 +113,8 @@ if (EXPECTED.overview.trials) {
     await new Promise((done) => setTimeout(done, 80));
     check('opens a trial from a plot', $('trial').open && location.hash.startsWith('#trial='), location.hash);
     check('shows every column', document.querySelectorAll('#trial-body dl dt').length === report.data.columns.length);
-    const commands = document.querySelector('#trial-body code').textContent;
+    const [watch, commands] = [...document.querySelectorAll('#trial-body code')].map((code) => code.textContent);
+    check('says how to open it in the studio', /^fleetyard studio \S+ --trial \d+$/.test(watch), watch);
     const again = commands.startsWith('fleetyard bench ') || /^fleetyard run .* --trace-out (trial-\d+)\.fyt\nfleetyard trace export \1\.fyt --html \1\.html$/m.test(commands);
     const placed = !report.data.places.scenarios.length || /--map '\/far away\/(.+)\.map' --scen '\/far away\/\1-random-\d+\.scen' /.test(commands);
     check('says how to run it again and watch it', again && placed, commands);
