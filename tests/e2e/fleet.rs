@@ -3,9 +3,12 @@
 //!
 //! Plugins are those of `plugins/faulty/fleet.py`, which fail as they are asked to.
 
-use std::fs;
+use std::collections::BTreeMap;
+use std::fs::{self, File};
 use std::process::Command;
 
+use fleetyard_sim::TraceReader;
+use fleetyard_sim::trace::{Awaited, Frame};
 use fleetyard_testkit::{
     INPUT, NO_PLAN, SUCCESS, USAGE, Yard, c_library, each, have, is_ignored, map, root, until,
     words,
@@ -1247,6 +1250,66 @@ fn the_trace_of_a_fleet_tells_of_goals_tasks_calls_and_what_went_wrong() {
     let words = format!("and {entries} entries of the journal");
     assert!(same.stdout.contains(&words), "{same}");
     assert_eq!(yard.read("run.fyt"), yard.read("again.fyt"));
+}
+
+/// Robots in a crowd, late and told late.
+#[test]
+fn the_trace_of_a_fleet_tells_who_waits_for_whom() {
+    let yard = Yard::new();
+    let line = format!(
+        "fleet --map {} --agents 30 --duration 40s --planner pibt --delay bernoulli:0.1,1s \
+         --messages 0s,0.5s,0.2 --trace run.fyt",
+        map("maze-21-21-1.map")
+    );
+    yard.line(&line).expect(SUCCESS);
+    let file = File::open(yard.path("run.fyt")).unwrap();
+    let mut reader = TraceReader::open(file, "run.fyt").unwrap();
+    assert!(reader.header().waits);
+    let (mut changes, mut states) = (Vec::new(), Vec::new());
+    while let Some(frame) = reader.next_frame().unwrap() {
+        match frame {
+            Frame::Waits(more) => changes.extend_from_slice(more),
+            Frame::State { tick, states: at } => {
+                states.push((tick, at.x_m.to_vec(), at.y_m.to_vec()));
+            }
+            _ => {}
+        }
+    }
+    // By robot whom it waits for, and where it stood when it began to.
+    let mut waits: BTreeMap<u32, (Awaited, Option<[f64; 2]>)> = BTreeMap::new();
+    let (mut messages, mut robots, mut longest) = (0, 0, 0);
+    let mut changes = changes.into_iter().peekable();
+    for (tick, x_m, y_m) in states {
+        let mut is_new = false;
+        while let Some(change) = changes.next_if(|change| change.tick <= tick) {
+            is_new = true;
+            match change.awaited {
+                Awaited::Nothing => waits.remove(&change.agent),
+                awaited => waits.insert(change.agent, (awaited, None)),
+            };
+            messages += u32::from(change.awaited == Awaited::Message);
+            robots += u32::from(matches!(change.awaited, Awaited::Agent(_)));
+        }
+        // Whoever is waited for can go on, or waits for another one, but never in a ring.
+        for first in waits.keys().filter(|_| is_new) {
+            let (mut agent, mut length) = (*first, 0);
+            while let Some((Awaited::Agent(other), _)) = waits.get(&agent) {
+                (agent, length) = (*other, length + 1);
+                assert!(length <= 30, "{waits:?}");
+            }
+            longest = length.max(longest);
+        }
+        for (agent, (_, stood)) in &mut waits {
+            let at = [x_m[*agent as usize], y_m[*agent as usize]];
+            let [x, y] = *stood.get_or_insert(at);
+            let off = (at[0] - x).hypot(at[1] - y);
+            assert!(off < 0.5, "robot {agent} waits and drives {off} m");
+        }
+    }
+    assert!(
+        messages > 50 && robots > 50 && longest > 1,
+        "{messages} {robots} {longest}"
+    );
 }
 
 #[test]

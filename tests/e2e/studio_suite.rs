@@ -166,6 +166,23 @@ fn a_store_that_lies_has_nothing_else_read() {
         said.contains("no file has the suite as this store has it"),
         "{said}"
     );
+    // Nor is a value of the store the name of one.
+    let mut values: Value = serde_json::from_str(&meta.suite_values).unwrap();
+    values["instances"][1]["scen"] = json!(["secret.scen"]);
+    meta.places.suite = None;
+    meta.suite_values = values.to_string();
+    fs::copy(yard.path("elsewhere.toml"), yard.path("suite.toml")).unwrap();
+    drop(Store::create(&yard.path("values.sqlite"), &meta).unwrap());
+    let row = honest.rows().unwrap().remove(0);
+    let mut values = Store::open(&yard.path("values.sqlite")).unwrap();
+    values.insert(&row).unwrap();
+    drop(values);
+    let other = Studio::start(&yard, "values.sqlite");
+    let path = format!("/api/suite/trials/{}/open", row.trial);
+    let said = other.post(&path, &json!({})).expect(422).json();
+    let said = said["error"].as_str().unwrap().to_owned();
+    assert!(said.contains("`instances` is another one"), "{said}");
+    other.end("INT").expect(SUCCESS);
     // Beside the store it is found. A name is no path, and what was kept no plan.
     fs::rename(yard.path("elsewhere.toml"), yard.path("suite.toml")).unwrap();
     let said = refused(0);
@@ -175,6 +192,69 @@ fn a_store_that_lies_has_nothing_else_read() {
     assert!(
         said.contains("does not make the instance of trial"),
         "{said}"
+    );
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn trials_with_values_of_the_command_line_are_opened_on_its_terms() {
+    let yard = Yard::new();
+    suite(&yard, "protocol.keep_plans = true");
+    let line = "bench rooms.toml --store set.sqlite --set execution.policy=time --set execution.ticks_hz=20";
+    yard.run(&words(line)).expect(SUCCESS);
+    let studio = Studio::start(&yard, "set.sqlite");
+    let trial = &trials(&studio, "outcome=success")[0];
+    let whole = studio.get(&format!("/api/suite/trials/{}", trial["trial"]));
+    let opened = open(&studio, trial);
+    let job = studio.wait_for(&opened["job"]);
+    let line = job["line"].as_str().unwrap();
+    assert!(
+        line.contains("--ticks-hz=20") && !line.contains("--policy"),
+        "{line}"
+    );
+    assert_eq!(
+        job["execution"]["trace_digest"],
+        whole.json()["columns"]["trace_digest"],
+        "{line}"
+    );
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn a_trial_of_a_fleet_shows_its_map_and_drives_again() {
+    let yard = Yard::new();
+    let hall = root().join("maps/warehouse-3-4-5-1-1-m2-a2-open-e-w3.map");
+    yard.write(
+        "f.toml",
+        format!(
+            "name = \"fleets\"\n[fleet]\nduration = \"20s\"\n[[planner]]\nplugin = \"pibt\"\n\
+             [[instances]]\nmap = \"{}\"\nagents = [4]\n",
+            hall.display()
+        ),
+    );
+    yard.run(&words("bench f.toml")).expect(SUCCESS);
+    let studio = Studio::start(&yard, "fleets.sqlite");
+    let trial = studio.get("/api/suite/trials/0").json();
+    assert!(
+        trial["why_not"]
+            .as_str()
+            .unwrap()
+            .starts_with("fleets have no plan to keep")
+    );
+    let opened = open(&studio, &trial);
+    assert_eq!(opened["job"], Value::Null);
+    let cells = opened["document"]["document"]["ground"]["map"].is_object();
+    assert!(cells, "{:#}", opened["document"]["document"]["ground"]);
+    studio.post("/api/planners", &json!({})).expect(200);
+    let mut again = trial["again"].clone();
+    assert_eq!(again["fleet"]["live"], true);
+    again["fleet"]["live"] = false.into();
+    let job = studio.post("/api/jobs", &again).expect(200).json();
+    let job = studio.wait_for(&job);
+    // It had the usual settings of fleets.
+    assert_eq!(
+        job["fleet"]["execution"]["trace_digest"], trial["columns"]["trace_digest"],
+        "{job:#}"
     );
     studio.end("INT").expect(SUCCESS);
 }

@@ -2,11 +2,13 @@
 //!
 //! A store has the suite's text and the places of files, and may come from anywhere: its word is not taken
 //! for what is to be read. The suite has to be there as a file, word for word as the store has it; what
-//! that file names is read, and nothing else.
+//! that file names is read, and nothing else. Values may be others than in the file, since the command line
+//! may have set them, but for those that can name something to be read.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use fleetyard_core::{Connectivity, InputError, read_file};
+use fleetyard_core::{Connectivity, Grid, InputError, read_file};
 use fleetyard_sim::SimConfig;
 use serde_json::{Map, Value};
 
@@ -47,14 +49,13 @@ impl Questions {
             };
             return Err(InputError::new(store.display().to_string(), reason).hint(hint));
         };
-        let suite = Suite::load_with(place, &[])?;
+        let suite = with_values(Suite::load_with(place, &[])?, meta, place)?;
         let instances = suite.instances()?;
         Ok(Self { suite, instances })
     }
 
-    /// The question of a trial, which has the trial's digest, and the parameters of its view by the names of the
-    /// command line; a map of cells has none.
-    pub fn question(&self, row: &Row) -> Result<(Question, Map<String, Value>), InputError> {
+    /// The instance of a trial, which has the trial's digest.
+    fn instance(&self, row: &Row) -> Result<&SuiteInstance, InputError> {
         let is_like = |instance: &&SuiteInstance| {
             let origin = instance.origin();
             origin.map == row.map
@@ -66,21 +67,7 @@ impl Questions {
         let mut last = None;
         for instance in self.instances.iter().filter(is_like) {
             match instance.digest() {
-                Ok(digest) if digest.to_string() == row.instance_digest => {
-                    let question = instance.question()?;
-                    let parameters = match (&question, instance.view()) {
-                        (Question::View(asked), Some(view)) => {
-                            let mut all = view.spec.parameters(&asked.problem, asked.terms);
-                            if view.step_s.is_none() {
-                                // It follows from the view.
-                                all.remove("step");
-                            }
-                            all
-                        }
-                        _ => Map::new(),
-                    };
-                    return Ok((question, parameters));
-                }
+                Ok(digest) if digest.to_string() == row.instance_digest => return Ok(instance),
                 Ok(_) => {}
                 Err(error) => last = Some(error),
             }
@@ -90,10 +77,33 @@ impl Questions {
                 "the suite does not make the instance of trial {} now",
                 row.trial
             );
-            InputError::new(self.suite.name.as_str(), reason).hint(
-                "a file that it names has changed, or values came from the command line (`--set`)",
-            )
+            InputError::new(self.suite.name.as_str(), reason)
+                .hint("a file that it names has changed since")
         }))
+    }
+
+    /// The question of a trial, and the parameters of its view by the names of the command line; a map of
+    /// cells has none.
+    pub fn question(&self, row: &Row) -> Result<(Question, Map<String, Value>), InputError> {
+        let instance = self.instance(row)?;
+        let question = instance.question()?;
+        let parameters = match (&question, instance.view()) {
+            (Question::View(asked), Some(view)) => {
+                let mut all = view.spec.parameters(&asked.problem, asked.terms);
+                if view.step_s.is_none() {
+                    // It follows from the view.
+                    all.remove("step");
+                }
+                all
+            }
+            _ => Map::new(),
+        };
+        Ok((question, parameters))
+    }
+
+    /// The map of a fleet's trial, whose starts and goals are drawn while it drives.
+    pub fn map(&self, row: &Row) -> Result<Arc<Grid>, InputError> {
+        self.instance(row)?.grid()
     }
 
     /// The parameters of executions.
@@ -110,4 +120,38 @@ impl Questions {
     pub fn protocol(&self) -> &Protocol {
         &self.suite.protocol
     }
+}
+
+/// Values that may name a file, a plugin or a variable of the environment.
+const NAMING: [&str; 8] = [
+    "/instances",
+    "/planner",
+    "/sandbox/read",
+    "/sandbox/env",
+    "/execution/fleet",
+    "/fleet/generator",
+    "/fleet/invocation",
+    "/fleet/fail_policy",
+];
+
+/// The suite with the values that the command line gave it, `--set`, as the store has them.
+fn with_values(suite: Suite, meta: &Meta, place: &Path) -> Result<Suite, InputError> {
+    if suite.normal() == meta.suite_values {
+        return Ok(suite);
+    }
+    let source = format!("{}, with the values of the store", place.display());
+    let wrong = |reason: String| InputError::new(source.as_str(), reason);
+    let values: Value = serde_json::from_str(&meta.suite_values)
+        .map_err(|error| wrong(format!("they cannot be read: {error}")))?;
+    let own = Value::Object(suite.values().clone());
+    let is_other = |pointer: &&&str| own.pointer(pointer) != values.pointer(pointer);
+    if let Some(other) = NAMING.iter().find(is_other) {
+        let name = other[1..].replace('/', ".");
+        let reason =
+            format!("`{name}` is another one in the store, whose word is not taken for it");
+        return Err(wrong(reason).hint("write it into the suite's file, and run that"));
+    }
+    let folder = place.parent().unwrap_or(Path::new(""));
+    let variable = |name: &str| std::env::var(name).ok();
+    Suite::of_values(&source, &values, folder, &variable)
 }

@@ -829,6 +829,18 @@ impl Adg {
         }
     }
 
+    /// The agent that has to leave a cell before an agent's next node can be enqueued, and the number
+    /// of the node by which it does, if it has one.
+    pub fn ahead(&self, agent: usize) -> Option<(u32, Option<u32>)> {
+        let next = self.visits.get(self.robots[agent].next as usize)?;
+        let ahead = self.visits.get(next.ahead as usize)?;
+        let leave = self.leave_of(next.ahead);
+        Some((
+            ahead.agent,
+            leave.map(|leave| self.visits[leave as usize].number),
+        ))
+    }
+
     /// The node of the same agent by which the cell of a visit is left.
     fn leave_of(&self, at: u32) -> Option<u32> {
         let cell = self.visits[at as usize].node.cell;

@@ -111,6 +111,15 @@ impl Course {
         }
     }
 
+    /// The agent that has to go on before an agent gets more to do, and the number of the order with
+    /// which it does. None where all go on at once.
+    pub(crate) fn ahead(&self, agent: usize) -> Option<(u32, Option<u32>)> {
+        match self {
+            Self::Driven(adg) => adg.ahead(agent),
+            Self::Synchronous(_) => None,
+        }
+    }
+
     /// Makes sure that a block took robots as far as it had to.
     pub(crate) fn check(&self, live: &Live<'_>) -> Result<(), FleetError> {
         let Self::Synchronous(steps) = self else {

@@ -18,7 +18,7 @@ use fleetyard_core::formats::TaskList;
 use fleetyard_core::{Connectivity, Digest, Grid, GridPlan, Hasher, InputError, OFF_MAP};
 use fleetyard_runtime::{Closing, Fault};
 use fleetyard_sim::motion::Model;
-use fleetyard_sim::trace::{Entry, Goal, Happening, Remark};
+use fleetyard_sim::trace::{Entry, Goal, Happening, Remark, WaitLog};
 use fleetyard_sim::{Fleet, Live, NoTrace, SimError, TraceSink};
 
 use crate::adg::{Adg, Costs, Cut};
@@ -356,6 +356,8 @@ struct Run<'a> {
     early: Vec<Notice>,
     /// Cells that close, if some do.
     closures: Option<Closures>,
+    /// What robots wait for, as the trace has it so far.
+    waits: WaitLog,
     /// Robots that are held, and until when, in seconds.
     held: BTreeMap<u32, f64>,
     /// Interventions of the recording that were not made again yet.
@@ -413,6 +415,7 @@ impl<'a> Run<'a> {
                 dwell: (config.dwell_s / config.sim.step_s).ceil() as u32,
             };
             let adg = Adg::new(grid, &starts, &headings, costs);
+            live = live.with_waits();
             Course::Driven(adg.map_err(|error| FleetError::Broken(error.to_string()))?)
         };
         let period_s = live.period_s();
@@ -475,6 +478,7 @@ impl<'a> Run<'a> {
             closures: config
                 .closing
                 .map(|closing| Closures::new(closing, grid, config.seed)),
+            waits: WaitLog::default(),
             held: BTreeMap::new(),
             done_then,
             changed: false,
@@ -1027,9 +1031,17 @@ impl<'a> Run<'a> {
             course,
             config,
             held,
+            waits,
             ..
         } = self;
         course.send(config, &|agent| held.contains_key(&(agent as u32)), live);
+        if let Some(sink) = watch.sink() {
+            let awaited = |agent| live.awaited(agent, course.ahead(agent));
+            let changes = waits.changes(live.tick(), live.agents(), awaited);
+            if !changes.is_empty() {
+                sink.waits(&changes).map_err(SimError::from)?;
+            }
+        }
         let period_s = live.period_s();
         watch.pace(period_s);
         if self.config.clock == Clock::Realtime && self.answers.recorded().is_none() {

@@ -13,7 +13,7 @@ use crate::error::SimError;
 use crate::gate::{Gates, Refined, Routes};
 use crate::outcome::Outcome;
 use crate::route::{Plan, Reference};
-use crate::trace::{Awaited, TraceSink, Waiting};
+use crate::trace::{TraceSink, WaitLog};
 use crate::track::Span;
 
 /// The execution ends after this time without progress of any agent, in seconds.
@@ -33,7 +33,7 @@ pub(crate) struct Run<'a> {
     reference: Reference<'a>,
     gates: Option<Gates>,
     /// Per agent, the reason of its wait in this block; empty without gates.
-    waits: Vec<Awaited>,
+    waits: WaitLog,
     /// Time of the last observed progress, and the positions of all bodies then.
     moved: f64,
     were: Vec<[f64; 2]>,
@@ -77,12 +77,11 @@ impl<'a> Run<'a> {
         reference: Reference<'a>,
         gates: Option<Gates>,
     ) -> Self {
-        let gated = gates.as_ref().map_or(0, |gates| gates.graph().agents());
         Self {
             engine,
             plan,
             reference,
-            waits: vec![Awaited::Nothing; gated],
+            waits: WaitLog::default(),
             gates,
             moved: 0.0,
             were: Vec::new(),
@@ -145,18 +144,10 @@ impl<'a> Run<'a> {
         if let Some(gates) = &mut self.gates {
             gates.exchange(number);
             let tick = number * self.engine.setup.clock.ticks_per_period;
-            let changes: Vec<Waiting> = (0..)
-                .zip(&mut self.waits)
-                .filter_map(|(agent, known)| {
-                    let awaited = gates.awaited(agent as usize);
-                    let agent = (std::mem::replace(known, awaited) != awaited).then_some(agent)?;
-                    Some(Waiting {
-                        tick,
-                        agent,
-                        awaited,
-                    })
-                })
-                .collect();
+            let agents = self.engine.setup.agents;
+            let changes = self
+                .waits
+                .changes(tick, agents, |agent| gates.awaited(agent));
             if !changes.is_empty() {
                 sink.waits(&changes)?;
             }

@@ -17,7 +17,7 @@ use crate::motion::Fleet;
 use crate::outcome::{Approach, Outcome};
 use crate::route::Place;
 use crate::simulator::{Crowd, Simulator};
-use crate::trace::{Header, TraceSink};
+use crate::trace::{Awaited, Header, TraceSink};
 use crate::track::Span;
 use crate::workers::Workers;
 
@@ -102,6 +102,8 @@ pub struct Live<'a> {
     fault: Option<SimError>,
     /// Thread pool, if there is more than one thread.
     pool: Option<ThreadPool>,
+    /// True if whoever sends the orders records what robots wait for.
+    waits: bool,
 }
 
 impl<'a> Live<'a> {
@@ -190,6 +192,7 @@ impl<'a> Live<'a> {
             header: None,
             fault: None,
             pool: workers.pool()?,
+            waits: false,
             engine,
         })
     }
@@ -201,6 +204,14 @@ impl<'a> Live<'a> {
         self
     }
 
+    /// Says in the header of traces that they have what robots wait for ([`TraceSink::waits`]), which
+    /// whoever sends the orders records.
+    #[must_use]
+    pub fn with_waits(mut self) -> Self {
+        self.waits = true;
+        self
+    }
+
     /// Sends the header to `sink`, and refuses robots that start in obstacles or
     /// overlapping each other. [`Live::advance`] and [`Live::finish`] call it if it was
     /// left out.
@@ -209,9 +220,10 @@ impl<'a> Live<'a> {
             return Ok(());
         }
         let engine = &self.engine;
-        let header = engine
+        let mut header = engine
             .setup
             .header(&engine.shapes, None, sink.wants_scene());
+        header.waits = self.waits;
         sink.begin(&header)?;
         self.header = Some(header);
         self.with_engine(|engine, guide| engine.start(guide, sink))?;
@@ -269,6 +281,28 @@ impl<'a> Live<'a> {
     /// behind can touch the robot, at twice the largest radius and tolerances.
     pub fn left(&self, agent: usize) -> u32 {
         self.reports.known()[agent].div_ceil(2)
+    }
+
+    /// The reason why a robot stands at the end of the orders that it has. `ahead` is the robot that
+    /// has to go on before it gets another one, and the order with which that robot leaves the way,
+    /// if it has one.
+    pub fn awaited(&self, agent: usize, ahead: Option<(u32, Option<u32>)>) -> Awaited {
+        let (chunk, lane) = self.lane(agent);
+        let received = self.sent.known()[agent];
+        if chunk.pilots[lane].done < received {
+            return Awaited::Nothing;
+        }
+        let is_under_way = received < self.sent.latest()[agent];
+        let has_left = |(other, order): (u32, Option<u32>)| {
+            let left = self.reports.latest()[other as usize].div_ceil(2);
+            order.is_some_and(|order| order <= left)
+        };
+        match ahead {
+            _ if is_under_way => Awaited::Message,
+            None => Awaited::Nothing,
+            Some(ahead) if has_left(ahead) => Awaited::Message,
+            Some((other, _)) => Awaited::Agent(other),
+        }
     }
 
     /// Robots whose [`Live::done`] or [`Live::left`] changed in the last block,

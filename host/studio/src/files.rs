@@ -493,7 +493,6 @@ pub(crate) fn of_instance(
     cell_size_m: f64,
     notes: &mut Vec<String>,
 ) -> Result<Document, InputError> {
-    let mut given = Given::default();
     let grid = instance.grid();
     let at = |cell: &u32| resting(grid, cell_size_m, *cell);
     let ends = instance.starts().iter().zip(instance.goals());
@@ -502,14 +501,24 @@ pub(crate) fn of_instance(
         start: at(start),
         goal: at(goal),
     });
-    let mut views = Views::default();
-    views.grid.connectivity = instance.connectivity();
+    let mut document = of_map(grid, cell_size_m, notes)?;
+    document.agents = Arc::new(agents.collect());
+    document.views.grid.connectivity = instance.connectivity();
+    check(&document).map_err(|refusal| refused(grid.name(), refusal))?;
+    Ok(document)
+}
+
+/// A document with a map and nobody on it.
+pub(crate) fn of_map(
+    grid: &Arc<Grid>,
+    cell_size_m: f64,
+    notes: &mut Vec<String>,
+) -> Result<Document, InputError> {
+    let mut given = Given::default();
     let document = Document {
         name: grid.name().to_owned(),
         ground: given.map_ground(grid, cell_size_m)?,
         robots: Arc::new(vec![Document::disc(0.5 * cell_size_m)]),
-        agents: Arc::new(agents.collect()),
-        views,
         ..Document::default()
     };
     notes.append(&mut given.notes);

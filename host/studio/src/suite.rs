@@ -14,6 +14,8 @@ use fleetyard_bench::{Questions, Robots, Row, Store, Value as Cell};
 use fleetyard_check::PathRule;
 use fleetyard_core::{InputError, shown};
 use fleetyard_sim::SimConfig;
+use fleetyard_sim::motion::PRESETS;
+use fleetyard_sim::noise::Delay;
 use fleetyard_views::Representation;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -241,10 +243,7 @@ impl Suite {
         let row = found.map(|entry| self.store().trial(&entry.key));
         row.transpose()?.flatten().ok_or_else(|| {
             let last = index.trials.last().map_or(0, |entry| entry.trial);
-            Refused::unknown("trial").hint(format!(
-                "there are {} trials, with numbers up to {last}",
-                index.trials.len()
-            ))
+            Refused::unknown("trial").hint(format!("trials have numbers up to {last}"))
         })
     }
 
@@ -286,20 +285,24 @@ impl Suite {
     /// Makes a trial's question again, with the plan that was kept.
     pub(crate) fn open_trial(&self, trial: &str) -> Result<Reopened> {
         let row = self.row(trial)?;
-        if row.fleet.as_deref().is_some_and(|fleet| !fleet.is_empty()) {
-            return Err(
-                Refused::value("the trial is of a fleet, which has no plan of its own")
-                    .hint("record one: `fleetyard fleet … --record FILE --trace FILE`"),
-            );
-        }
         let questions = self.questions()?;
         let plan = self.store().plan(&row)?;
         let kept = plan.is_some();
         let config = questions.config();
         let mut terms = conduct(config);
         let mut notes = Vec::new();
-        let (document, view, views) = match questions.question(&row)? {
-            (Question::Grid(instance), _) => {
+        let question = if is_fleet(&row) {
+            None
+        } else {
+            Some(questions.question(&row)?)
+        };
+        let (document, view, views) = match question {
+            None => {
+                let map = questions.map(&row)?;
+                let document = files::of_map(&map, config.cell_size_m, &mut notes)?;
+                (document, Representation::Grid, None)
+            }
+            Some((Question::Grid(instance), _)) => {
                 on_map(config, questions.robots(), &mut terms, &mut notes);
                 if questions.protocol().path_rule != PathRule::Steps {
                     pair(&mut terms, "--path-rule", &questions.protocol().path_rule);
@@ -307,7 +310,7 @@ impl Suite {
                 let document = files::of_instance(&instance, config.cell_size_m, &mut notes)?;
                 (document, Representation::Grid, None)
             }
-            (Question::View(asked), mut parameters) => {
+            Some((Question::View(asked), mut parameters)) => {
                 let view = asked.view.representation();
                 let views = json!({view.name(): parameters});
                 for name in ["representation", "step", "pace"] {
@@ -408,6 +411,10 @@ fn told(value: Cell) -> Value {
 fn why_no_plan(row: &Row, kept: bool) -> Option<&'static str> {
     match (&row.plan_digest, kept) {
         (_, true) => None,
+        _ if is_fleet(row) => Some(
+            "fleets have no plan to keep: this one can drive again, with the usual settings of fleets where the \
+             column `fleet` has others",
+        ),
         (None, false) => Some("the trial ended without a plan"),
         (Some(_), false) => {
             Some("its plan was not kept: a suite with `keep_plans = true` in [protocol] keeps them")
@@ -415,9 +422,30 @@ fn why_no_plan(row: &Row, kept: bool) -> Option<&'static str> {
     }
 }
 
-/// The job that plans again as the trial did.
+/// True of a trial of a fleet.
+fn is_fleet(row: &Row) -> bool {
+    row.fleet.as_deref().is_some_and(|fleet| !fleet.is_empty())
+}
+
+/// The job that plans again as the trial did, or that drives again as its fleet did.
 fn again(row: &Row) -> Value {
     let options: Value = serde_json::from_str(&row.options).unwrap_or_else(|_| json!({}));
+    if is_fleet(row) {
+        let said: Value =
+            serde_json::from_str(row.fleet.as_deref().unwrap_or_default()).unwrap_or_default();
+        let model = said["robots"].as_str();
+        let delay = Delay::deserialize(&said["sim"]["disturbance"]["delay"]).unwrap_or_default();
+        return json!({"fleet": {
+            "planner": shown(&row.planner_id),
+            "options": options,
+            "agents": row.agents,
+            "duration_s": row.budget_ms.clamp(1.0, 1e9) / 1e3,
+            "model": model.filter(|model| PRESETS.iter().any(|preset| preset.name == *model)),
+            "delay": delay.to_string(),
+            "seed": row.seed,
+            "live": true,
+        }});
+    }
     let budget_ms = row.budget_ms.clamp(1.0, 1e9).ceil() as u64;
     let view = row.representation.as_deref().unwrap_or("grid");
     json!({"run": {

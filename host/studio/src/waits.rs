@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use fleetyard_sim::trace::{Awaited, Frame, Header, Waiting, Waits};
+use fleetyard_sim::trace::{Frame, Header, Waiting, Waits};
 use serde_json::{Value, json};
 
 use crate::answer::{Refused, Result};
@@ -55,12 +55,11 @@ pub(crate) fn waits(path: &Path, span: Span) -> Result<Value> {
         }
     }
     let told = |change: &Waiting| {
-        let awaited = match change.awaited {
-            Awaited::Nothing => Value::Null,
-            Awaited::Message => "message".into(),
-            Awaited::Agent(other) => other.into(),
-        };
-        json!([header.time_s(change.tick), change.agent, awaited])
+        json!([
+            header.time_s(change.tick),
+            change.agent,
+            change.awaited.brief()
+        ])
     };
     let changes: Vec<Value> = standing.iter().chain(&within).map(told).collect();
     Ok(json!({"changes": changes}))
@@ -73,6 +72,8 @@ fn why_unknown(header: &Header) -> Option<&'static str> {
     } else if header.policy == "time" {
         Some("its robots go by the times of the plan, so that nobody waits for anybody")
     } else {
-        Some("the recording does not say it: it is of a fleet, or was made by an earlier release")
+        Some(
+            "the recording does not say it: its robots go step by step together, or it was made by an earlier release",
+        )
     }
 }

@@ -62,6 +62,8 @@ export const api = {
   recordings: () => json('/recordings'),
   clip: async (id, from, to) => (await ask(`/recordings/${id}/clip?from_s=${from}&to_s=${to}`)).arrayBuffer(),
   waits: (id, from, to) => json(`/recordings/${id}/waits?from_s=${from}&to_s=${to}`),
+  /** Goals and waits of the robots of a live fleet. */
+  doing: (id) => json(`/jobs/${id}/doing`),
   reservations: (id, from, to) => json(`/jobs/${id}/reservations?from_s=${from}&to_s=${to}`),
   annotations: (id) => json(`/recordings/${id}/annotations`),
 };

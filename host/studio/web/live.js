@@ -3,6 +3,7 @@
 import { Clips } from '/viewer/motion.js';
 import { decode } from '/viewer/clip.js';
 
+import { api } from './api.js';
 import { say } from './dom.js';
 import { theme } from './drawing.js';
 
@@ -20,13 +21,17 @@ const CLOSE_S = 60;
 /** A robot that is broken stands until somebody repairs it: a year is the longest that the fleet takes. */
 const BROKEN_S = 366 * 86_400;
 
+/** Milliseconds between two questions about goals and waits, at least. */
+const ASK_MS = 250;
+
 /** Seconds that the picture is behind what has come, at the speed of the fleet: so clips join without a halt. */
 const BEHIND_S = 0.15;
 
 export class Live {
-  /** `feed` carries clips and commands of a job; `recording` is its, `clock` the one to keep in step. */
-  constructor({ job, feed, recording, clock, changed }) {
-    Object.assign(this, { job, feed, recording, clock, changed });
+  /** `feed` carries clips and commands of a job; `recording` is its, `clock` the one to keep in step; `asks()` is true while
+   * somebody looks at goals or waits. */
+  constructor({ job, feed, recording, clock, asks, changed }) {
+    Object.assign(this, { job, feed, recording, clock, asks, changed });
     this.motion = new Clips({ bodies: recording.ids.length, end_s: 0 });
     /** True while one watches what happens now, and not what was. */
     this.following = true;
@@ -34,6 +39,11 @@ export class Live {
     this.pace_s = 1;
     this.last_ms = null;
     this.refused = job.live?.refused ?? 0;
+    /** Cells of goals, and who is waited for, by numbers of robots. */
+    this.goals = this.waits = new Map();
+    this.asking = false;
+    this.asked_ms = -Infinity;
+    recording.goalAt = (i) => this.following ? this.middleOf(this.goals.get(recording.ids[i])) : null;
     Object.assign(clock, { open: true, end: 0 });
     // All clips: each has just what came since the one before.
     feed.watch(job.id, 60);
@@ -57,7 +67,24 @@ export class Live {
     motion.add(clip);
     motion.end_s = this.recording.end_s = clock.end = last_s;
     if (this.following) this.follow(clip.first_s);
+    this.ask();
     this.changed();
+  }
+
+  /** Asks what robots are about to do, if somebody looks. One question at a time: a page that is slow asks less often. */
+  async ask() {
+    if (!this.asks() || this.asking || performance.now() - this.asked_ms < ASK_MS) return;
+    this.asking = true;
+    this.asked_ms = performance.now();
+    try {
+      const { goals, waits } = await api.doing(this.job.id);
+      const byNumber = (all) => new Map(Object.entries(all).map(([agent, what]) => [Number(agent), what]));
+      Object.assign(this, { goals: byNumber(goals), waits: byNumber(waits) });
+      this.changed();
+    } catch {
+      // A fleet that is gone; its picture stays.
+    }
+    this.asking = false;
   }
 
   /** Keeps a little behind what has come: faster or slower as that is farther away or nearer. */
@@ -154,6 +181,13 @@ export class Live {
   get cells() {
     const { meta, bounds } = this.recording, cells = meta.cells;
     return cells && { rows: cells.rows, side: cells.side, cols: Math.round((bounds[2] - bounds[0]) / cells.side) };
+  }
+
+  /** The middle of a cell in metres; null of none. */
+  middleOf(cell) {
+    if (cell === undefined || !this.cells) return null;
+    const { rows, cols, side } = this.cells;
+    return { x: (cell % cols + 0.5) * side, y: (rows - Math.floor(cell / cols) - 0.5) * side };
   }
 
   placeOf(cell) {

@@ -46,7 +46,7 @@ export function watchPanel(app, node) {
     const walking = watch.panes.find((pane) => pane.surveying);
     const { recording } = watch.panes[0], { priorities } = recording;
     return section('Show',
-      h('div', { class: 'pair' }, ...OVERLAYS.filter(([name]) => watch.live ? ['trails', 'numbers'].includes(name) : name !== 'annotations' || watch.panes.some(({ recording }) => recording.layers.length))
+      h('div', { class: 'pair' }, ...OVERLAYS.filter(([name]) => watch.live ? ['trails', 'goals', 'numbers', 'waits'].includes(name) : name !== 'annotations' || watch.panes.some(({ recording }) => recording.layers.length))
         .map(([name, title]) => check(title, watch.show_[name], (on) => watch.overlay(name, on), { 'data-key': `overlay-${name}` }))),
       watch.show_.reservations ? field('Window', number(watch.window_s, (value) => { watch.window_s = value; watch.stage.invalidate(); }, { min: 0.1, max: 600, 'data-key': 'window' }), 's') : null,
       watch.show_.reservations ? h('p', { class: 'note' }, reserved()) : null,

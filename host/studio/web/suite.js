@@ -79,9 +79,14 @@ export class Suite {
   async again() {
     const request = this.chosen.again;
     try {
-      if (!(await api.planners()).some(({ id }) => id === request.run.planner)) await api.describe();
-      this.follow(await api.start(request));
-      say('planning again');
+      const { planner, live } = request.fleet ?? request.run;
+      if (!(await api.planners()).some(({ id }) => id === planner)) await api.describe();
+      const job = await api.start(request);
+      if (live) {
+        this.app.jobs.take(job);
+        this.app.watch.await(job.id);
+      } else this.follow(job);
+      say(live ? 'driving again' : 'planning again');
     } catch (error) { this.app.store.refuse(error); }
   }
 
@@ -113,6 +118,6 @@ export class Suite {
       waits ? h('p', { class: 'note', role: 'status' }, 'Its plan is being executed.') : null,
       h('dl', { class: 'facts' }, ...figures.flatMap(([title, told, unit]) => [h('dt', {}, title), h('dd', {}, text(told, unit))])),
       chosen.why_not ? h('p', { class: 'note' }, `${chosen.why_not.charAt(0).toUpperCase()}${chosen.why_not.slice(1)}.`) : null,
-      chosen.has_plan ? null : h('div', { class: 'row' }, h('button', { type: 'button', 'data-key': 'trial-again', onclick: () => this.again() }, 'Plan again')));
+      chosen.has_plan ? null : h('div', { class: 'row' }, h('button', { type: 'button', 'data-key': 'trial-again', onclick: () => this.again() }, chosen.again.fleet ? 'Drive again' : 'Plan again')));
   }
 }

@@ -15,9 +15,11 @@ export class Waits {
   #at = { number: -1, index: 0, time: 0, all: new Map() };
   #uses = 0;
 
-  /** `why` is the reason why nothing is known, if there is one already. */
-  constructor({ load, window_s, end_s, arrived, failed, why = null }) {
-    Object.assign(this, { load, window_s, end_s, arrived, failed, why });
+  /** The reason why nothing is known, if there is one. */
+  why = null;
+
+  constructor({ load, window_s, end_s, arrived, failed }) {
+    Object.assign(this, { load, window_s, end_s, arrived, failed });
   }
 
   /** The cause of each wait at a time, by the numbers of robots: another robot's number, or `message`. Null until it has arrived. */

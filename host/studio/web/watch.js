@@ -113,7 +113,10 @@ export class Watch {
     const recording = new Recording(meta);
     const load = async (from, to) => decode(await api.clip(id, from, to));
     const job = this.app.jobs.get(id), live = this.drives(job) && this.feed
-      ? new Live({ job, feed: this.feed, recording, clock: this.clock, changed: () => { this.tellRange(); stage.invalidate(); } }) : null;
+      ? new Live({
+        job, feed: this.feed, recording, clock: this.clock, asks: () => this.show_.goals || this.show_.waits || pane.scene.selected >= 0,
+        changed: () => { this.tellRange(); stage.invalidate(); },
+      }) : null;
     const motion = live?.motion ?? new Clips({
       bodies: meta.ids.length, end_s: meta.duration_s, rate_hz: meta.sample_s > 0 ? 1 / meta.sample_s : 10, load,
       arrived: () => stage.invalidate(),
@@ -121,8 +124,8 @@ export class Watch {
     const scene = new Scene(stage, recording, motion, this.clock);
     const verdict = job ? verdictOf(job) : null;
     const pane = { id, node, stage, recording, motion, scene, load, live, violations: verdict?.violations ?? [], survey: null, surveying: null };
-    pane.waits = new Waits({
-      load: (from, to) => api.waits(id, from, to), window_s: motion.window_s, end_s: meta.duration_s, why: live && 'a fleet that drives does not say it',
+    pane.waits = live ? { why: null, at: () => live.following ? live.waits : new Map() } : new Waits({
+      load: (from, to) => api.waits(id, from, to), window_s: motion.window_s, end_s: meta.duration_s,
       arrived: () => { stage.invalidate(); this.tell('waits'); }, failed: (error) => this.app.store.refuse(error),
     });
     const planned = job?.has?.plan && job.view !== 'continuous' ? (from, to) => api.reservations(id, from, to) : null;
@@ -144,6 +147,7 @@ export class Watch {
     for (const layer of pane.layers) stage.add(layer);
     stage.on('camera', () => this.link(pane));
     scene.on('selected', () => {
+      live?.ask();
       if (this.linking) return;
       this.linking = true;
       for (const other of this.panes) if (other !== pane) other.scene.select(scene.selected, false);
@@ -287,6 +291,7 @@ export class Watch {
       else if (name !== 'paths') pane.scene.show(name, this.show_[name]);
     }
     pane.scene.color(this.coloring);
+    pane.live?.ask();
     if (this.show_.paths || this.show_.usage || this.show_.waiting || this.wantsTimelines || this.coloring === 'delay') this.look(pane);
     pane.stage.invalidate('ground');
   }

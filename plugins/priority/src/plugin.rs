@@ -62,16 +62,16 @@ fn solve(
     }
 }
 
-/// Hands over the rank of each agent in an order, 0 for the first, in the layer `priority`.
-fn show(order: &[usize], problem: &Problem, to: &dyn Annotations) {
-    for (rank, agent) in order.iter().enumerate() {
-        let start = problem.graph.cell(problem.routes[*agent].start);
+/// Hands over agents with their ranks, 0 for the first, in the layer `priority`.
+fn show(ranked: impl Iterator<Item = (usize, u32)>, problem: &Problem, to: &dyn Annotations) {
+    for (agent, rank) in ranked {
+        let start = problem.graph.cell(problem.routes[agent].start);
         // What is not kept the host counts.
         let _ = to.annotate(&Annotation {
-            agent: Some(*agent as u32),
+            agent: Some(agent as u32),
             to_s: Some(0.0),
             text: format!("comes {}. in the order", rank + 1),
-            values: vec![rank as f64],
+            values: vec![rank.into()],
             ..Annotation::places("priority", [[start]])
         });
     }
@@ -146,7 +146,7 @@ impl Method for PrioritizedOptions {
             call.metric("orders", effort.orders as f64);
             call.metric("expansions", effort.expansions as f64);
             if let Some(annotations) = call.annotations() {
-                show(&effort.order, problem, annotations);
+                show(effort.order.iter().copied().zip(0..), problem, annotations);
             }
             outcome
         })
@@ -220,6 +220,9 @@ impl Method for SearchOptions {
             call.metric("nodes", effort.nodes as f64);
             call.metric("paths", effort.paths as f64);
             call.metric("expansions", effort.expansions as f64);
+            if let Some(annotations) = call.annotations() {
+                show((0..).zip(effort.ranks), problem, annotations);
+            }
             outcome
         })
     }

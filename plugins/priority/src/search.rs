@@ -52,7 +52,7 @@ pub struct Options {
 }
 
 /// Work of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Effort {
     /// Nodes of the search that were made.
     pub nodes: u64,
@@ -60,6 +60,8 @@ pub struct Effort {
     pub paths: u64,
     /// States expanded for them.
     pub expansions: u64,
+    /// Ranks of the agents in the order at the end ([`Order::ranks`]).
+    pub ranks: Vec<u32>,
 }
 
 /// Plans. Ends with the first plan without collisions, when it is stopped, or when all
@@ -102,6 +104,7 @@ pub fn plan(
     };
     let end = run.search(control.memory);
     run.effort.expansions = run.single.sipp.expansions;
+    run.effort.ranks = run.order.ranks();
     let outcome = match end {
         End::Solved => Outcome::Solved(run.paths()),
         End::Stopped => Outcome::Stopped(run.fallback()),

@@ -79,6 +79,25 @@ impl Order {
         self.is_before(a)
     }
 
+    /// The rank of each agent: 0 where nobody comes before it, else one more than the highest of
+    /// those that do.
+    pub fn ranks(&self) -> Vec<u32> {
+        let mut ranks = vec![0; self.before.len()];
+        let mut left: Vec<usize> = self.before.iter().map(Vec::len).collect();
+        let mut free: Vec<usize> = (0..left.len()).filter(|agent| left[*agent] == 0).collect();
+        while let Some(agent) = free.pop() {
+            for &down in &self.after[agent] {
+                let down = down as usize;
+                ranks[down] = ranks[down].max(ranks[agent] + 1);
+                left[down] -= 1;
+                if left[down] == 0 {
+                    free.push(down);
+                }
+            }
+        }
+        ranks
+    }
+
     /// An agent and all that come after it, each after those before it.
     pub fn from(&mut self, agent: u32) -> Vec<u32> {
         let met = self.walk + 1;
@@ -106,5 +125,22 @@ impl Order {
         }
         sorted.reverse();
         sorted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_lengths_of_the_longest_chains() {
+        let mut order = Order::new(6);
+        for decision in [(3, 1), (1, 4), (3, 4), (0, 4)] {
+            order.decide(decision);
+        }
+        assert_eq!(order.ranks(), [0, 1, 0, 0, 2, 0]);
+        order.forget((0, 4));
+        order.decide((4, 5));
+        assert_eq!(order.ranks(), [0, 1, 0, 0, 2, 3]);
     }
 }

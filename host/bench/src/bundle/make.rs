@@ -21,7 +21,7 @@ use crate::experiment::key_of;
 use crate::options::Robots;
 use crate::row::Row;
 use crate::store::{Meta, Store};
-use crate::suite::{SUITE_LIMIT, Suite, SuiteInstance};
+use crate::suite::{SUITE_LIMIT, Suite, SuiteInstance, to_toml};
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -194,18 +194,10 @@ fn read_suite(wanted: &Wanted<'_>, meta: &Meta) -> Result<Suite> {
     }
     // With values of a command line.
     let values: Value = serde_json::from_str(&meta.suite_values).unwrap_or_default();
-    let text = to_toml(&values)?;
     let source = format!("{source}, as the store has it");
-    let again = Suite::read(&source, &text, &[], folder, &variable);
+    let again = Suite::of_values(&source, &values, folder, &variable);
     // What is wrong with both is said with its place in the file.
     again.map_err(|error| read.err().unwrap_or(error))
-}
-
-fn to_toml(values: &Value) -> Result<String> {
-    toml::to_string_pretty(values).map_err(|error| {
-        let reason = format!("the values of the suite cannot be written: {error}");
-        InputError::new("suite", reason)
-    })
 }
 
 fn suite_text(rewritten: &Rewritten) -> Result<Vec<u8>> {

@@ -171,6 +171,14 @@ pub fn load_suite(path: impl AsRef<Path>) -> Result<Suite, InputError> {
     Suite::load_with(path, &[])
 }
 
+/// The text of a suite with these values.
+pub(crate) fn to_toml(values: &Value) -> Result<String, InputError> {
+    toml::to_string_pretty(values).map_err(|error| {
+        let reason = format!("the values of the suite cannot be written: {error}");
+        InputError::new("suite", reason)
+    })
+}
+
 impl Suite {
     /// A suite that is in no file: the planners of a command line by their labels. Its plugins and
     /// instances are given to the [experiment](crate::Experiment::of_parts); all else is as in a
@@ -230,6 +238,16 @@ impl Suite {
         variable: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Self, InputError> {
         read::suite(source, text, settings, &Paths { folder, variable })
+    }
+
+    /// Reads a suite from its values as [`Suite::normal`] has them; the rest is as for [`Suite::read`].
+    pub(crate) fn of_values(
+        source: &str,
+        values: &Value,
+        folder: &Path,
+        variable: &dyn Fn(&str) -> Option<String>,
+    ) -> Result<Self, InputError> {
+        Self::read(source, &to_toml(values)?, &[], folder, variable)
     }
 
     /// The files that the suite names and that say what planners will be asked: they are not

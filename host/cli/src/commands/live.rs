@@ -3,14 +3,14 @@
 //! Commands are lines of JSON on standard input, what happens is lines of JSON on standard output.
 //! Interventions go into the recording of the fleet; how fast it goes does not matter to what happens.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, BufRead, BufWriter, Read as _};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use fleetyard_fleet::{Intervened, Intervention, Notice, Point};
-use fleetyard_sim::trace::{Entry, Header, Remark, States, Summary};
+use fleetyard_sim::trace::{Entry, Happening, Header, Remark, States, Summary, Waiting};
 use fleetyard_sim::{Event, TraceSink, TraceWriter};
 use fleetyard_view::{Clip, Meta, Overview, Recording, base64};
 use serde::{Deserialize, Serialize};
@@ -54,6 +54,7 @@ enum Pace {
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Line<'a> {
     Clip(String),
+    Doing(Doing),
     Point(&'a Point),
     /// The world and the robots, before the first clip.
     Meta(Box<Meta<'a>>),
@@ -72,6 +73,16 @@ pub(super) enum Line<'a> {
 /// Prints a line. A reader that went away is no reason to end the run.
 pub(super) fn say(line: &Line<'_>) {
     let _ = output::print_json_line(line);
+}
+
+/// Goals and waits of robots, as far as they are others than before.
+#[derive(Default, Serialize)]
+pub(super) struct Doing {
+    at_s: f64,
+    /// By robot the cell of its goal, if it has one.
+    goals: BTreeMap<u32, Option<u32>>,
+    /// By robot the number of the one that it waits for, `message`, or nothing.
+    waits: BTreeMap<u32, Value>,
 }
 
 #[derive(Debug, Default)]
@@ -196,8 +207,7 @@ impl Live {
 
     /// Simulated seconds that were shown.
     pub(super) fn now_s(&self) -> f64 {
-        let last = self.clips.last.as_ref();
-        last.map_or(0.0, |last| last.tick as f64 / self.clips.ticks_hz)
+        self.clips.now_s()
     }
 
     /// Waits until a block of so many seconds may be driven.
@@ -250,6 +260,7 @@ struct Clips {
     stride: u64,
     clip: Option<Clip>,
     last: Option<Sample>,
+    doing: Doing,
     shown: Option<Instant>,
 }
 
@@ -282,6 +293,11 @@ impl Sample {
 }
 
 impl Clips {
+    fn now_s(&self) -> f64 {
+        let last = self.last.as_ref();
+        last.map_or(0.0, |last| last.tick as f64 / self.ticks_hz)
+    }
+
     /// A clip that begins with a sample, so that the one before ends where it begins.
     fn begin_clip(&self, sample: &Sample) -> Option<Clip> {
         let recording = self.recording.as_ref()?;
@@ -297,6 +313,11 @@ impl Clips {
             return;
         };
         say(&Line::Clip(base64(&clip.finish())));
+        let mut doing = std::mem::take(&mut self.doing);
+        if !(doing.goals.is_empty() && doing.waits.is_empty()) {
+            doing.at_s = self.now_s();
+            say(&Line::Doing(doing));
+        }
         self.shown = Some(Instant::now());
         self.clip = self.last.as_ref().and_then(|last| self.begin_clip(last));
     }
@@ -333,6 +354,24 @@ impl TraceSink for Clips {
         if self.shown.is_none_or(|shown| shown.elapsed() >= PAUSE) {
             self.show();
         }
+        Ok(())
+    }
+
+    fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
+        for entry in entries {
+            match &entry.what {
+                Happening::Goal(goal) => self.doing.goals.insert(goal.agent, Some(goal.cell)),
+                Happening::Reached { agent, .. } => self.doing.goals.insert(*agent, None),
+                _ => None,
+            };
+        }
+        Ok(())
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        let changes = changes.iter();
+        let waits = changes.map(|change| (change.agent, change.awaited.brief()));
+        self.doing.waits.extend(waits);
         Ok(())
     }
 
@@ -384,6 +423,10 @@ impl TraceSink for Tee {
 
     fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
         self.all().try_for_each(|sink| sink.journal(entries))
+    }
+
+    fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
+        self.all().try_for_each(|sink| sink.waits(changes))
     }
 
     fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {

@@ -32,7 +32,7 @@ pub use export::{Exporter, Outputs};
 pub use header::{Bounds, Cells, Digests, Header, Outline, Profile, Scene};
 pub use journal::{By, Entry, Errand, Goal, Happening, Remark, Standing};
 pub use read::{Frame, TraceContents, TraceReader, read_trace};
-pub use waits::{Awaited, Waiting, Waits};
+pub use waits::{Awaited, WaitLog, Waiting, Waits};
 pub use write::{TraceOptions, TraceWriter};
 
 use fleetyard_core::{Digest, Hasher};

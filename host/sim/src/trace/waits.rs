@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use super::journal::{Limits, Row};
 use super::{Fields, put_number};
@@ -21,6 +22,17 @@ pub enum Awaited {
     Agent(u32),
 }
 
+impl Awaited {
+    /// The number of the agent, `"message"`, or null for nothing.
+    pub fn brief(self) -> Value {
+        match self {
+            Self::Nothing => Value::Null,
+            Self::Message => "message".into(),
+            Self::Agent(other) => other.into(),
+        }
+    }
+}
+
 /// A change of what an agent waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Waiting {
@@ -31,6 +43,32 @@ pub struct Waiting {
     /// The reason of its wait.
     #[serde(rename = "for")]
     pub awaited: Awaited,
+}
+
+/// What agents wait for, as far as it was recorded.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct WaitLog(Vec<Awaited>);
+
+impl WaitLog {
+    /// Records what so many agents wait for since a tick. Returns what is not as it was before.
+    pub fn changes(
+        &mut self,
+        tick: u64,
+        agents: usize,
+        awaited: impl Fn(usize) -> Awaited,
+    ) -> Vec<Waiting> {
+        self.0.resize(agents, Awaited::Nothing);
+        let all = self.0.iter_mut().enumerate();
+        let changes = all.filter_map(|(agent, known)| {
+            let awaited = awaited(agent);
+            (std::mem::replace(known, awaited) != awaited).then_some(Waiting {
+                tick,
+                agent: agent as u32,
+                awaited,
+            })
+        });
+        changes.collect()
+    }
 }
 
 /// The agents that wait at a moment, ascending.

@@ -39,6 +39,22 @@ impl Default for TraceOptions {
     }
 }
 
+/// Rows in the order of their ticks that are not written yet, and the tick of the last one so far.
+#[derive(Debug)]
+struct Ordered<T> {
+    rows: Vec<T>,
+    tick: u64,
+}
+
+impl<T> Default for Ordered<T> {
+    fn default() -> Self {
+        Self {
+            rows: Vec::new(),
+            tick: 0,
+        }
+    }
+}
+
 /// Writes a trace file while the execution runs. Give it a buffered writer; it holds one
 /// group of states and the predictors' state, whatever the length of the execution.
 pub struct TraceWriter<W> {
@@ -64,12 +80,9 @@ pub struct TraceWriter<W> {
     since_key: u32,
     /// Data that follows the group.
     events: Vec<Event>,
-    journal: Vec<Entry>,
+    journal: Ordered<Entry>,
     remarks: Vec<Remark>,
-    waits: Vec<Waiting>,
-    /// The ticks of the last entry and of the last change of waits.
-    journal_tick: u64,
-    waits_tick: u64,
+    waits: Ordered<Waiting>,
     /// Journal entries that were open before the group, and agents that waited.
     standing: Standing,
     standing_waits: Waits,
@@ -114,11 +127,9 @@ impl<W: Write> TraceWriter<W> {
             numbers: Vec::new(),
             since_key: 0,
             events: Vec::new(),
-            journal: Vec::new(),
+            journal: Ordered::default(),
             remarks: Vec::new(),
-            waits: Vec::new(),
-            journal_tick: 0,
-            waits_tick: 0,
+            waits: Ordered::default(),
             standing: Standing::default(),
             standing_waits: Waits::default(),
             limits: Limits::default(),
@@ -218,6 +229,27 @@ impl<W: Write> TraceWriter<W> {
         Ok(())
     }
 
+    /// Adds rows to those that are written after the group, or refuses them for a fault.
+    fn add_rows<T: Row + Clone>(
+        &mut self,
+        rows: &[T],
+        of: fn(&mut Self) -> &mut Ordered<T>,
+        fault: &'static str,
+    ) -> io::Result<()> {
+        let last = of(self).tick;
+        if !are_right(rows, last, self.limits) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, fault));
+        }
+        of(self).tick = rows.last().map_or(last, Row::tick);
+        for chunk in rows.chunks(ROWS_PER_FRAME) {
+            if of(self).rows.len() + chunk.len() > ROWS_PER_FRAME {
+                self.put_pending()?;
+            }
+            of(self).rows.extend_from_slice(chunk);
+        }
+        Ok(())
+    }
+
     fn put_events(&mut self, events: &[Event]) -> io::Result<()> {
         let mut planes = vec![0; events.len() * EVENT_BYTES];
         for (at, event) in events.iter().enumerate() {
@@ -234,12 +266,12 @@ impl<W: Write> TraceWriter<W> {
     /// Writes the pending data: the group of states, then the events of its time.
     fn put_pending(&mut self) -> io::Result<()> {
         self.put_states()?;
-        let journal = std::mem::take(&mut self.journal);
+        let journal = std::mem::take(&mut self.journal.rows);
         self.put_rows(kind::JOURNAL, 0, &journal)?;
         for entry in &journal {
             self.standing.note(entry);
         }
-        let waits = std::mem::take(&mut self.waits);
+        let waits = std::mem::take(&mut self.waits.rows);
         self.put_rows(kind::WAITS, 0, &waits)?;
         for change in &waits {
             self.standing_waits.note(change);
@@ -361,33 +393,13 @@ impl<W: Write + Send> TraceSink for TraceWriter<W> {
     }
 
     fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
-        if !are_right(entries, self.journal_tick, self.limits) {
-            let reason = "an entry of the journal is not as the header says, or not in order";
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
-        }
-        self.journal_tick = entries.last().map_or(self.journal_tick, |entry| entry.tick);
-        for chunk in entries.chunks(ROWS_PER_FRAME) {
-            if self.journal.len() + chunk.len() > ROWS_PER_FRAME {
-                self.put_pending()?;
-            }
-            self.journal.extend_from_slice(chunk);
-        }
-        Ok(())
+        let fault = "an entry of the journal is not as the header says, or not in order";
+        self.add_rows(entries, |writer| &mut writer.journal, fault)
     }
 
     fn waits(&mut self, changes: &[Waiting]) -> io::Result<()> {
-        if !are_right(changes, self.waits_tick, self.limits) {
-            let reason = "a wait is not as the header says, or not in order";
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
-        }
-        self.waits_tick = changes.last().map_or(self.waits_tick, |change| change.tick);
-        for chunk in changes.chunks(ROWS_PER_FRAME) {
-            if self.waits.len() + chunk.len() > ROWS_PER_FRAME {
-                self.put_pending()?;
-            }
-            self.waits.extend_from_slice(chunk);
-        }
-        Ok(())
+        let fault = "a wait is not as the header says, or not in order";
+        self.add_rows(changes, |writer| &mut writer.waits, fault)
     }
 
     fn remarks(&mut self, remarks: &[Remark]) -> io::Result<()> {

@@ -79,6 +79,7 @@ enum Line {
     Record(Value),
     Point(Value),
     Clip(String),
+    Doing(Doing),
     #[serde(untagged)]
     Said(Said),
 }
@@ -92,12 +93,36 @@ enum Said {
     Refused(Value),
 }
 
+/// What robots of a live fleet are about to do.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+struct Doing {
+    /// The time since which it is so.
+    at_s: f64,
+    /// By robot the cell of its goal.
+    goals: BTreeMap<u32, Value>,
+    /// By robot the number of the one that it waits for, or `message`.
+    waits: BTreeMap<u32, Value>,
+}
+
+impl Doing {
+    /// Takes in what is new; null is nothing any more.
+    fn follow(&mut self, new: Self) {
+        self.at_s = new.at_s;
+        for (all, changes) in [(&mut self.goals, new.goals), (&mut self.waits, new.waits)] {
+            all.extend(changes);
+            all.retain(|_, value| !value.is_null());
+        }
+    }
+}
+
 /// A live fleet as far as it has said.
 #[derive(Debug, Serialize)]
 struct Live {
     /// Its description for the viewer, before the first clip.
     #[serde(skip)]
     scene: Option<Arc<[u8]>>,
+    #[serde(skip)]
+    doing: Doing,
     paused: bool,
     /// Simulated seconds per second; 0 for as many as can be.
     speed: f64,
@@ -111,6 +136,7 @@ impl Live {
     fn new() -> Self {
         Self {
             scene: None,
+            doing: Doing::default(),
             paused: false,
             speed: USUAL_SPEED,
             interventions: VecDeque::new(),
@@ -383,6 +409,17 @@ impl Jobs {
         known.jobs.get(&id)?.live.as_ref()?.scene.clone()
     }
 
+    /// Goals and waits of the robots of a live fleet.
+    pub(crate) fn doing(&self, id: u32) -> Result<Value> {
+        self.with(id, |job| match &job.live {
+            Some(live) => Ok(json!(live.doing)),
+            None => Err(Refused::new(
+                StatusCode::CONFLICT,
+                "the job is no live fleet",
+            )),
+        })
+    }
+
     /// The plan of a job that has ended, and its view.
     pub(crate) fn plan(&self, id: u32) -> Result<(PathBuf, Representation)> {
         let (view, is_over) = self.with(id, |job| Ok((job.order.view, job.state.is_over())))?;
@@ -646,6 +683,13 @@ impl Shared {
                 if let Some(live) = &mut job.live {
                     live.hear(said);
                 }
+            }
+            Line::Doing(new) => {
+                // Whoever wants to know it asks.
+                if let Some(live) = &mut job.live {
+                    live.doing.follow(new);
+                }
+                return true;
             }
             Line::Clip(clip) => {
                 drop(known);

@@ -34,6 +34,7 @@ pub(super) fn routes() -> Router<Arc<Studio>> {
         .route("/api/jobs/{id}/cancel", post(cancel))
         .route("/api/jobs/{id}/plan", get(plan))
         .route("/api/jobs/{id}/reservations", get(reservations))
+        .route("/api/jobs/{id}/doing", get(doing))
 }
 
 async fn all(State(studio): Shared) -> Result<Json<Value>> {
@@ -74,6 +75,10 @@ async fn stop(State(studio): Shared, Path(id): Path<u32>) -> Result<Json<Value>>
 
 async fn cancel(State(studio): Shared, Path(id): Path<u32>) -> Result<Json<Value>> {
     apart(move || studio.jobs.cancel(id).map(Json)).await
+}
+
+async fn doing(State(studio): Shared, Path(id): Path<u32>) -> Result<Json<Value>> {
+    studio.jobs.doing(id).map(Json)
 }
 
 async fn delete(State(studio): Shared, Path(id): Path<u32>) -> Result<Json<Value>> {
