@@ -528,6 +528,18 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
         .until("studio.watch.live && studio.watch.clock.now > 1");
     let job = studio.page.eval("studio.watch.live.job.id");
 
+    // Goals of all robots, and who waits for whom, are asked for once somebody looks.
+    let toggle = |overlay: &str| format!("studio.watch.overlay('{overlay}', true)");
+    studio.page.eval(&toggle("goals"));
+    studio.page.until("studio.watch.live.goals.size > 0");
+    studio
+        .page
+        .until("studio.watch.panes[0].recording.goalAt(3, studio.watch.clock.now)?.x > 0");
+    studio.page.eval(&toggle("waits"));
+    studio
+        .page
+        .until("document.querySelector('#waits')?.textContent.includes('wait')");
+
     // A robot is broken by a click, and stands from then on.
     let click = |studio: &mut Studio, wanted: &str, what: &str| {
         let choose = format!(

@@ -150,6 +150,7 @@ watch.on((what) => {
     panels.watch.drawLanes();
     return moved();
   }
+  if (what === 'shown') drawTools();
   if (app.current === 'watch') panels.watch.draw();
   moved();
 });

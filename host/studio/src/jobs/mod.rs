@@ -98,10 +98,10 @@ enum Said {
 struct Doing {
     /// The time since which it is so.
     at_s: f64,
-    /// By robot the cell of its goal.
-    goals: BTreeMap<u32, Value>,
-    /// By robot the number of the one that it waits for, or `message`.
-    waits: BTreeMap<u32, Value>,
+    /// By the number of a robot the cell of its goal.
+    goals: BTreeMap<String, Value>,
+    /// By the number of a robot that of the one that it waits for, or `message`.
+    waits: BTreeMap<String, Value>,
 }
 
 impl Doing {
