@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::{Query, State};
+use axum::extract::State;
 use axum::http::header::{CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::{get, post};
@@ -12,7 +12,7 @@ use fleetyard_core::read_file;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::{SMALL, Shared, apart, body, header, into_file};
+use super::{Query, SMALL, Shared, apart, body, header, into_file};
 use crate::answer::{Refused, Result};
 use crate::desk::{Changing, Now, Step};
 use crate::document::runs;

@@ -7,8 +7,7 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, State};
+use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::response::{Json, Response};
 use axum::routing::{get, post};
@@ -17,7 +16,7 @@ use fleetyard_views::Representation;
 use serde_json::{Value, json};
 
 use super::sent::send_file;
-use super::{SMALL, Shared, apart, body};
+use super::{Query, SMALL, Shared, apart, body};
 use crate::answer::{Refused, Result};
 use crate::desk::Now;
 use crate::files::{self, Files, Kind as FileKind};
@@ -99,9 +98,8 @@ async fn plan(State(studio): Shared, Path(id): Path<u32>, asked: HeaderMap) -> R
 async fn reservations(
     State(studio): Shared,
     Path(id): Path<u32>,
-    span: std::result::Result<Query<Span>, QueryRejection>,
+    Query(span): Query<Span>,
 ) -> Result<Json<Value>> {
-    let Query(span) = span.map_err(|error| Refused::value(error.body_text()))?;
     apart(move || {
         let (path, _) = studio.jobs.plan(id)?;
         Ok(Json(json!(studio.desk.reservations(id, &path, span)?)))

@@ -14,13 +14,15 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
-use axum::extract::{Path, Request, State};
+use axum::extract::{FromRequestParts, Path, Request, State};
 use axum::http::header::{LOCATION, SET_COOKIE};
+use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::get;
 use fleetyard_sim::motion::{PRESETS, Profile};
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use tokio::io::AsyncWriteExt;
 use tokio::task::spawn_blocking;
@@ -87,6 +89,24 @@ async fn door(State(studio): Shared, request: Request, next: Next) -> Response {
         headers.entry(name).or_insert(value);
     }
     response
+}
+
+/// What a query asks for. One that makes no sense is refused in words, as all else is.
+pub(super) struct Query<T>(pub(super) T);
+
+impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Query<T> {
+    type Rejection = Refused;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self> {
+        let read = axum::extract::Query::try_from_uri(&parts.uri);
+        read.map(|axum::extract::Query(asked)| Self(asked))
+            .map_err(|error| {
+                let text = error.body_text();
+                let reason = text.rsplit_once("query string: ");
+                let reason = reason.map_or(text.as_str(), |(_, reason)| reason);
+                Refused::value(format!("the query: {reason}"))
+            })
+    }
 }
 
 /// The body of a request, of so many bytes at most.

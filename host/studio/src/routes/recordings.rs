@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::Router;
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, State};
+use axum::extract::{Path, State};
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Json, Response};
@@ -14,7 +13,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::sent::send_file;
-use super::{Shared, apart};
+use super::{Query, Shared, apart};
 use crate::answer::{Refused, Result};
 use crate::jobs::ask::{ANNOTATIONS, TRACE};
 use crate::recordings::{Span, Window, clip as make_clip};
@@ -67,9 +66,8 @@ async fn meta(
 async fn clip(
     State(studio): Shared,
     Path(id): Path<u32>,
-    window: std::result::Result<Query<Window>, QueryRejection>,
+    Query(window): Query<Window>,
 ) -> Result<Response> {
-    let Query(window) = window.map_err(|error| Refused::value(error.body_text()))?;
     let path = studio.trace(id)?;
     apart(move || {
         let bytes = make_clip(&path, window)?;
@@ -81,9 +79,8 @@ async fn clip(
 async fn waits(
     State(studio): Shared,
     Path(id): Path<u32>,
-    span: std::result::Result<Query<Span>, QueryRejection>,
+    Query(span): Query<Span>,
 ) -> Result<Json<Value>> {
-    let Query(span) = span.map_err(|error| Refused::value(error.body_text()))?;
     let path = studio.trace(id)?;
     apart(move || Ok(Json(find_waits(&path, span)?))).await
 }

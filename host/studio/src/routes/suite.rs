@@ -3,15 +3,14 @@
 use std::sync::Arc;
 
 use axum::Router;
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, State};
+use axum::extract::{Path, State};
 use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{IntoResponse, Json, Response};
 use axum::routing::{get, post};
 use fleetyard_bench::report::Report;
 use serde_json::{Value, json};
 
-use super::{Shared, apart, header};
+use super::{Query, Shared, apart, header};
 use crate::answer::{Refused, Result};
 use crate::files;
 use crate::jobs::ask::{Asked, Given};
@@ -39,11 +38,7 @@ async fn suite(State(studio): Shared) -> Result<Json<Value>> {
     .await
 }
 
-async fn trials(
-    State(studio): Shared,
-    part: std::result::Result<Query<Part>, QueryRejection>,
-) -> Result<Json<Value>> {
-    let Query(part) = part.map_err(|error| Refused::value(error.body_text()))?;
+async fn trials(State(studio): Shared, Query(part): Query<Part>) -> Result<Json<Value>> {
     apart(move || studio.suite()?.list(&part).map(Json)).await
 }
 
