@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 use fleetyard_testkit::{
     Built, Ended, PLUGIN, SUCCESS, USAGE, Yard, build, c_library, faulty_library, faulty_program,
-    have, root, words,
+    have, root, standard_plugins, words,
 };
 use serde_json::Value;
 
@@ -226,7 +226,7 @@ fn built_in(tests: &mut Tests) {
 /// The standard plugins, built apart from the command.
 fn standard() -> &'static Built {
     static BUILT: OnceLock<Built> = OnceLock::new();
-    BUILT.get_or_init(|| build("fleetyard-plugins"))
+    BUILT.get_or_init(|| standard_plugins())
 }
 
 fn standard_library_passes() {

@@ -7,7 +7,9 @@
 
 use std::process::Command;
 
-use fleetyard_testkit::{SUCCESS, Yard, build, c_library, have, instance, root, words};
+use fleetyard_testkit::{
+    SUCCESS, Yard, build, c_library, have, instance, root, standard_plugins, words,
+};
 use serde_json::Value;
 
 /// Runs a planner on an instance; the record of a valid plan.
@@ -48,7 +50,7 @@ fn same_plan(ways: &[(&str, &str)], map: &str, agents: usize, options: &str) {
 
 #[test]
 fn built_in_planners_by_every_way() {
-    let library = build("fleetyard-plugins").library.unwrap();
+    let library = standard_plugins().library.unwrap();
     let library = library.display().to_string();
     // Options under which the planner stops by itself: with a wall-clock budget a
     // faster attachment may find a better plan.

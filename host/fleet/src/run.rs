@@ -356,7 +356,7 @@ struct Run<'a> {
     early: Vec<Notice>,
     /// Cells that close, if some do.
     closures: Option<Closures>,
-    /// What robots wait for, as the trace has it so far.
+    /// Waits of robots, as the trace has them so far.
     waits: WaitLog,
     /// Robots that are held, and until when, in seconds.
     held: BTreeMap<u32, f64>,

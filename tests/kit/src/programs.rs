@@ -116,6 +116,23 @@ pub struct Built {
     pub program: Option<PathBuf>,
 }
 
+/// The standard plugins. The command depends on them, so that their library lies beside its tests, and so
+/// does their program where the whole workspace was built. Cargo would build all planners once more,
+/// with the features that they have without the rest of the workspace.
+pub fn standard_plugins() -> Built {
+    let tests = std::env::current_exe().unwrap();
+    let library = tests.with_file_name("libfleetyard_plugins.so");
+    let program = built().join("fleetyard-plugins");
+    let made = |path: &Path| fs::metadata(path).and_then(|file| file.modified());
+    match (made(&library), made(&program)) {
+        (Ok(linked), Ok(made)) if made >= linked => Built {
+            library: Some(library),
+            program: Some(program),
+        },
+        _ => build("fleetyard-plugins"),
+    }
+}
+
 /// Builds a package of the workspace beside the command under test, with the same
 /// profile. Cargo holds no lock while tests run.
 pub fn build(package: &str) -> Built {

@@ -45,7 +45,7 @@ pub struct Waiting {
     pub awaited: Awaited,
 }
 
-/// What agents wait for, as far as it was recorded.
+/// Waits of agents, as far as they were recorded.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WaitLog(Vec<Awaited>);
 

@@ -93,7 +93,7 @@ enum Said {
     Refused(Value),
 }
 
-/// What robots of a live fleet are about to do.
+/// Goals and waits of the robots of a live fleet.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Doing {
     /// The time since which it is so.

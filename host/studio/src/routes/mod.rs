@@ -91,7 +91,7 @@ async fn door(State(studio): Shared, request: Request, next: Next) -> Response {
     response
 }
 
-/// What a query asks for. One that makes no sense is refused in words, as all else is.
+/// The query of a request. One that makes no sense is refused in words, as all else is.
 pub(super) struct Query<T>(pub(super) T);
 
 impl<T: DeserializeOwned, S: Sync> FromRequestParts<S> for Query<T> {

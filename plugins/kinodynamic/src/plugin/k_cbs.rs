@@ -38,8 +38,14 @@ impl Method for Options {
         };
         let mut search = Search::new(team, self, call.budget.seed, limits);
         let mut best = f64::INFINITY;
-        let mut round = 0;
+        let (mut round, mut before) = (0, 0);
         while self.rounds.is_none_or(|rounds| round < rounds) && !search.is_over() {
+            // Rounds differ by the controls that they draw: one without any is all that can be had.
+            let drawn = search.effort.controls;
+            if round > 1 && drawn == before {
+                break;
+            }
+            before = drawn;
             round += 1;
             let Some(courses) = search.run() else {
                 search.again(best);
