@@ -226,7 +226,7 @@ fn built_in(tests: &mut Tests) {
 /// The standard plugins, built apart from the command.
 fn standard() -> &'static Built {
     static BUILT: OnceLock<Built> = OnceLock::new();
-    BUILT.get_or_init(|| standard_plugins())
+    BUILT.get_or_init(standard_plugins)
 }
 
 fn standard_library_passes() {

@@ -1252,13 +1252,13 @@ fn the_trace_of_a_fleet_tells_of_goals_tasks_calls_and_what_went_wrong() {
     assert_eq!(yard.read("run.fyt"), yard.read("again.fyt"));
 }
 
-/// Robots in a crowd, late and told late.
-#[test]
-fn the_trace_of_a_fleet_tells_who_waits_for_whom() {
+/// Drives late robots in a crowd. Returns how often one began to wait for a message, and for another
+/// robot, and the longest chain of robots that waited for each other.
+fn waits_of(more: &str) -> (u32, u32, u32) {
     let yard = Yard::new();
     let line = format!(
         "fleet --map {} --agents 30 --duration 40s --planner pibt --delay bernoulli:0.1,1s \
-         --messages 0s,0.5s,0.2 --trace run.fyt",
+         --trace run.fyt {more}",
         map("maze-21-21-1.map")
     );
     yard.line(&line).expect(SUCCESS);
@@ -1306,8 +1306,20 @@ fn the_trace_of_a_fleet_tells_who_waits_for_whom() {
             assert!(off < 0.5, "robot {agent} waits and drives {off} m");
         }
     }
+    (messages, robots, longest)
+}
+
+#[test]
+fn the_trace_of_a_fleet_tells_who_waits_for_whom() {
+    let (messages, robots, longest) = waits_of("--messages 0s,0.5s,0.2");
     assert!(
         messages > 50 && robots > 50 && longest > 1,
+        "{messages} {robots} {longest}"
+    );
+    // Where messages take no time nobody waits for one.
+    let (messages, robots, longest) = waits_of("");
+    assert!(
+        messages == 0 && robots > 50 && longest > 1,
         "{messages} {robots} {longest}"
     );
 }

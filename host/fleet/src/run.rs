@@ -1034,7 +1034,7 @@ impl<'a> Run<'a> {
             waits,
             ..
         } = self;
-        course.send(config, &|agent| held.contains_key(&(agent as u32)), live);
+        // Whoever is sent more now waits no longer, unless messages take time.
         if let Some(sink) = watch.sink() {
             let awaited = |agent| live.awaited(agent, course.ahead(agent));
             let changes = waits.changes(live.tick(), live.agents(), awaited);
@@ -1042,6 +1042,7 @@ impl<'a> Run<'a> {
                 sink.waits(&changes).map_err(SimError::from)?;
             }
         }
+        course.send(config, &|agent| held.contains_key(&(agent as u32)), live);
         let period_s = live.period_s();
         watch.pace(period_s);
         if self.config.clock == Clock::Realtime && self.answers.recorded().is_none() {
