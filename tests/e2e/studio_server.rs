@@ -961,3 +961,48 @@ fn the_script_of_the_page_drives_a_studio() {
     assert!(ended.stdout.contains("valid: True"), "{ended}");
     assert!(left(&yard).is_empty());
 }
+
+#[test]
+fn plans_of_other_tools_are_opened_for_as_many_robots_as_they_have() {
+    let yard = Yard::new();
+    let [map, scen] = ["random-32-32-20.map", "random-32-32-20-random-1.scen"]
+        .map(|name| root().join("maps").join(name).display().to_string());
+    let ground = format!("--map {map} --scen {scen}");
+    let line = format!("run {ground} --agents 10 --planner pibt --plan-out plan.json");
+    yard.run(&words(&line)).expect(SUCCESS);
+    let studio = Studio::start(&yard, &format!("{map} {scen}"));
+    let open = |name: &str| {
+        let path = format!("/api/open?name={name}");
+        studio.ask("POST", &path, &yard.read(name))
+    };
+    let refused = open("plan.json").expect(409).json();
+    let told = |key: &str| refused[key].as_str().unwrap();
+    assert!(told("error").contains("of 10 robots"), "{refused}");
+    assert!(told("hint").contains("keep the first 10"), "{refused}");
+    let document = studio.get("/api/document").json();
+    let agents = document["document"]["agents"].as_array().unwrap().len();
+    let others: Vec<usize> = (10..agents).collect();
+    studio.edit(&json!({"op": "remove-agents", "indices": others}));
+    let mut costs = None;
+    for (format, name) in [
+        ("plan", "plan.json"),
+        ("lacam", "result.txt"),
+        ("paths-txt", "paths.txt"),
+        ("mapf-visualizer", "viewer.txt"),
+        ("planviz", "planviz.json"),
+        ("libmrp-schedule", "schedule.yaml"),
+    ] {
+        if name != "plan.json" {
+            let line = format!("convert plan.json {name} --to {format} {ground} --agents 10");
+            yard.run(&words(&line)).expect(SUCCESS);
+        }
+        let opened = open(name).expect(200).json();
+        let job = studio.wait_for(&opened["job"]);
+        assert_eq!(job["opened"], name);
+        assert_eq!(job["verdict"]["view"]["valid"], true, "{format}: {job:#}");
+        // It is the same plan in other words, of which some write waits at goals.
+        let own = job["verdict"]["costs"].clone();
+        assert_eq!(costs.get_or_insert(own.clone()), &own, "{format}");
+    }
+    studio.end("INT").expect(SUCCESS);
+}

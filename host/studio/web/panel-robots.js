@@ -16,6 +16,8 @@ export function robotsPanel(app, node) {
   let open = null;
   let scatter = { count: 10, robot: null, seed: 1, replace: false };
   let rename = '';
+  /** Robots to keep, from the first. */
+  let keep = null;
 
   function icon(name, index) {
     const canvas = h('canvas', { width: 88, height: 88, 'aria-hidden': 'true' }), pen = canvas.getContext('2d'), outline = kinds.outline(name);
@@ -123,6 +125,13 @@ export function robotsPanel(app, node) {
     if (indices.length) {
       parts.push(h('div', { class: 'row' }, h('button', { type: 'button', onclick: () => run('swap') }, 'Swap start and goal'), h('button', { type: 'button', onclick: () => run('duplicate') }, 'Duplicate'),
         h('button', { type: 'button', class: 'danger', onclick: () => store.edit({ op: 'remove-agents', indices }) }, 'Delete')));
+    }
+    if (store.agents.length > 1) {
+      keep = Math.min(keep ?? store.agents.length, store.agents.length);
+      const cut = () => store.edit({ op: 'remove-agents', indices: store.agents.map((_, index) => index).slice(keep) });
+      parts.push(h('div', { class: 'row' }, h('span', { class: 'grow' }, 'Keep the first'),
+        h('span', {}, number(keep, (value) => { keep = value; draw(); }, { min: 0, max: store.agents.length, step: 1, 'aria-label': 'Robots to keep, from the first', 'data-key': 'keep' })),
+        h('button', { type: 'button', disabled: keep >= store.agents.length, 'data-key': 'keep-run', onclick: cut }, 'Remove the others')));
     }
     const card = section('Robots', h('div', { class: 'row' }, h('span', { class: 'soft grow' }, `${store.agents.length} in all`), h('span', {}, find)), ...parts);
     return card;

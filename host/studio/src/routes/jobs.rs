@@ -8,10 +8,11 @@ use std::sync::Arc;
 use axum::Router;
 use axum::body::Body;
 use axum::extract::{Path, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Json, Response};
 use axum::routing::{get, post};
-use fleetyard_core::{Digest, formats::Format};
+use fleetyard_core::Digest;
+use fleetyard_core::formats::{Format, grid_size};
 use fleetyard_views::Representation;
 use serde_json::{Value, json};
 
@@ -167,6 +168,19 @@ impl Studio {
         };
         let view = Representation::of_plans(format);
         let now = self.desk.now();
+        if view == Representation::Grid {
+            let planned = self.robots_of(&now, format, name, bytes)?;
+            let given = now.document.agents.len();
+            if planned != given {
+                let reason = format!("the plan is of {planned} robots, and here are {given}");
+                let hint = if planned < given {
+                    format!("keep the first {planned} (panel Robots), and open it again")
+                } else {
+                    "open the map with all its starts and goals first".to_owned()
+                };
+                return Err(Refused::new(StatusCode::CONFLICT, reason).hint(hint));
+            }
+        }
         let views = serde_json::to_value(now.document.views());
         let views = views.map_err(|error| Refused::machine("views cannot be written", error))?;
         let order = Asked::execution(id).order(&Given {
@@ -178,6 +192,16 @@ impl Studio {
             view_of: &|_| Ok(view),
         })?;
         Ok(json!({"job": self.execute(&now, id, order, name, bytes)?}))
+    }
+
+    /// Number of robots of a plan on the document's grid.
+    fn robots_of(&self, now: &Now, format: Format, name: &str, bytes: &[u8]) -> Result<usize> {
+        let view = self.desk.artefacts.instance(&now.document)?;
+        let size = grid_size(view.instance.grid());
+        Ok(format
+            .read_plan(name, bytes, Some(size), None)?
+            .plan
+            .agents())
     }
 
     /// Executes a plan on the document as it was a moment ago, under the name that it was opened by.
