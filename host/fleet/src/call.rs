@@ -587,6 +587,7 @@ pub(crate) fn ask<T>(
         });
     };
     let was_down = module.is_down();
+    let grace = module.patience(config.allowance.grace_s);
     let allowance = &config.allowance;
     let seed = config.call_seed(kind, number);
     let nodes = if kind == Kind::Planner {
@@ -602,6 +603,9 @@ pub(crate) fn ask<T>(
             if was_down {
                 notice(EventKind::Restarted, "it was started again".into());
             }
+            if kind == Kind::Planner {
+                session.set_grace(grace);
+            }
             call(session, &budget(wall_s, allowance, nodes, seed))
         }
         Err(fault) => {
@@ -610,7 +614,10 @@ pub(crate) fn ask<T>(
         }
     };
     match made {
-        Ok(made) => Some(made),
+        Ok(made) => {
+            module.answered();
+            Some(made)
+        }
         Err(fault) => {
             let message = match module.after(&fault) {
                 Some(words) => format!("{fault}; its last words were: {words}"),

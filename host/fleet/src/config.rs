@@ -95,6 +95,9 @@ pub struct Allowance {
     /// Wall-clock time of a call of the generator, the fail policy or the invocation
     /// policy, in seconds. The planner has [`FleetConfig::limit_s`].
     pub call_s: f64,
+    /// Wall-clock time for which the planner may go on after its limit, in seconds. What it answers
+    /// then is dropped, but it keeps its process, and the tables that it made.
+    pub grace_s: f64,
     /// Most threads at a time.
     pub threads: u32,
     /// Memory in bytes; 0 for no limit.
@@ -108,6 +111,7 @@ impl Default for Allowance {
         Self {
             prepare_s: 60.0,
             call_s: 10.0,
+            grace_s: 10.0,
             threads: 1,
             memory_bytes: 0,
             nodes: 0,
@@ -359,8 +363,18 @@ impl FleetConfig {
             "give seconds between 0.001 and a day",
         )?;
         let Allowance {
-            prepare_s, call_s, ..
+            prepare_s,
+            call_s,
+            grace_s,
+            ..
         } = self.allowance;
+        range(
+            "allowance.grace_s",
+            grace_s,
+            0.0,
+            day,
+            "give seconds up to a day; 0s for none",
+        )?;
         for (field, value) in [
             ("allowance.prepare_s", prepare_s),
             ("allowance.call_s", call_s),

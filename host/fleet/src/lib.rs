@@ -32,7 +32,7 @@ pub use memory::{PERIOD_S, TIME_CONSTANT_S, memory_of};
 pub use modules::{Module, ModuleInfo, Modules, Start};
 pub use outcome::{
     CallTimes, Decay, Ended, EventKind, FleetEvent, FleetExecution, FleetMetrics, FleetOutcome,
-    Point, StepMetrics, differ,
+    Late, Point, StepMetrics, differ,
 };
 pub use recording::{End, Header, KeptBytes, Notice, RECORDING_FORMAT, Recorder, Recording, Round};
 pub use run::{Ground, Watch, replay, resume, run, step_s};

@@ -49,6 +49,8 @@ pub struct Module {
     session: Option<Session>,
     /// True once the plugin that runs has learnt the map.
     prepared: bool,
+    /// Calls one after the other in which it was killed, since it did not even answer late.
+    hung: u32,
     /// The first time that nobody watched it to the end.
     unsupervised: Option<Fault>,
 }
@@ -73,6 +75,7 @@ impl Module {
             start,
             session: Some(session),
             prepared: false,
+            hung: 0,
             unsupervised: None,
         }
     }
@@ -118,6 +121,22 @@ impl Module {
         })
     }
 
+    /// For how long its next call may go on after its limit, if calls may for so long. Whoever has not
+    /// come to an end in two calls one after the other hangs, and a run would wait for nothing.
+    pub(crate) fn patience(&self, grace_s: f64) -> Duration {
+        const PATIENT: u32 = 2;
+        if self.hung < PATIENT {
+            Duration::from_secs_f64(grace_s)
+        } else {
+            Duration::ZERO
+        }
+    }
+
+    /// A call has come to an end by itself.
+    pub(crate) fn answered(&mut self) {
+        self.hung = 0;
+    }
+
     /// The map has changed: it is told the new one before its next call.
     pub(crate) fn forget_map(&mut self) {
         self.prepared = false;
@@ -128,7 +147,11 @@ impl Module {
     /// it had some.
     pub(crate) fn after(&mut self, fault: &Fault) -> Option<String> {
         if matches!(fault, Fault::Reported { .. }) {
+            self.answered();
             return None;
+        }
+        if matches!(fault, Fault::TimedOut { .. }) {
+            self.hung += 1;
         }
         self.note(fault);
         self.drop_session()

@@ -134,6 +134,41 @@ impl CallTimes {
     }
 }
 
+/// Calls of the planner that took longer than its limit: the fail policy answered, or an earlier plan of
+/// the same call.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Late {
+    /// The number of calls.
+    pub calls: u64,
+    /// Wall-clock times of these calls in milliseconds; of one that was killed the time until then.
+    pub time_ms: CallTimes,
+    /// A limit, in seconds, that would have sufficed for 95 % of them.
+    pub limit_s: f64,
+}
+
+impl Late {
+    /// Of the wall-clock times of all calls; `None` if none was late.
+    pub fn of(times_ms: &[f64], limit_s: f64) -> Option<Self> {
+        let late = times_ms.iter().copied();
+        let late: Vec<f64> = late.filter(|ms| *ms > limit_s * 1e3).collect();
+        let calls = late.len() as u64;
+        let time_ms = CallTimes::of(late);
+        (calls > 0).then(|| Self {
+            calls,
+            time_ms,
+            limit_s: round_up(time_ms.p95 / 1e3),
+        })
+    }
+}
+
+/// The next of 1, 1.5, 2, 3, 5, 7 and 10 times a power of ten.
+fn round_up(value: f64) -> f64 {
+    let power = 10.0_f64.powf(value.log10().floor());
+    let steps = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0];
+    let next = steps.into_iter().find(|step| step * power >= value);
+    next.unwrap_or(10.0) * power
+}
+
 /// Figures of a run by synchronous rules, as the League of Robot Runners has them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StepMetrics {
@@ -222,6 +257,9 @@ pub struct FleetMetrics {
     pub all_waits: u64,
     /// Wall-clock times of the planner's calls.
     pub planner_time_ms: CallTimes,
+    /// The planner's calls that took longer than its limit, if there are some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late: Option<Late>,
     /// Processor times of the planner's calls, where they are known of all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planner_cpu_ms: Option<CallTimes>,

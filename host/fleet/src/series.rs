@@ -7,8 +7,8 @@ use fleetyard_core::Grid;
 use crate::memory::number_of_move;
 use crate::recording::{Notice, Round};
 use crate::{
-    By, CallTimes, Decay, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Point,
-    StepMetrics,
+    By, CallTimes, Decay, EventKind, FleetConfig, FleetEvent, FleetMetrics, FleetOutcome, Late,
+    Point, StepMetrics,
 };
 
 /// Everything that is counted.
@@ -35,6 +35,7 @@ pub(crate) struct Tally {
     adg_nodes: usize,
     adg_nodes_max: usize,
     pub(crate) rings_cut: u64,
+    limit_s: f64,
     planner_ms: Vec<f64>,
     planner_cpu_ms: Vec<f64>,
     /// Sum over calls of the robots that the planner says it holds back.
@@ -89,6 +90,7 @@ impl Tally {
             adg_nodes: 0,
             adg_nodes_max: 0,
             rings_cut: 0,
+            limit_s: config.limit_s,
             planner_ms: Vec::new(),
             planner_cpu_ms: Vec::new(),
             unplanned: 0,
@@ -213,6 +215,7 @@ impl Tally {
             fail_calls: self.fail_calls,
             all_waits: count(EventKind::AllWait),
             planner_time_ms: CallTimes::of(self.planner_ms.clone()),
+            late: Late::of(&self.planner_ms, self.limit_s),
             planner_cpu_ms: (self.planner_cpu_ms.len() == self.planner_ms.len())
                 .then(|| CallTimes::of(self.planner_cpu_ms.clone())),
             fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),

@@ -33,6 +33,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
 
+use self::regions::Zones;
+
 /// No agent.
 const NOBODY: u32 = u32::MAX;
 /// Times that an agent may be displaced while one place is looked for.
@@ -136,9 +138,9 @@ pub(crate) struct Team<const D: usize> {
     order: Vec<u32>,
     rank: Vec<u32>,
     weight: Vec<i64>,
-    /// The region of each vertex, and of each agent that stays in it whatever it does; [`NOBODY`] for
-    /// an agent that does not.
-    region: Vec<u32>,
+    /// The regions, if there is more than one, and that of each agent that stays in it whatever it does;
+    /// [`NOBODY`] for an agent that does not.
+    zones: Option<Zones>,
     within: Vec<u32>,
 }
 
@@ -157,7 +159,7 @@ impl<const D: usize> Team<D> {
             order: (0..agents as u32).collect(),
             rank: vec![0; agents],
             weight: vec![0; agents],
-            region: vec![0; graph.len() + 1],
+            zones: None,
             within: vec![0; agents],
         }
     }
@@ -165,8 +167,9 @@ impl<const D: usize> Team<D> {
     /// Begins a step: where everybody is, and how urgent it is to let each go first, the least
     /// first. Equals keep the order that they had in the last step.
     pub(crate) fn begin(&mut self, starts: &[Vertex], urgency: &[u64]) {
-        for &v in &self.starts {
+        for (agent, &v) in self.starts.iter().enumerate() {
             self.occupant[v as usize] = NOBODY;
+            self.take(agent as u32);
         }
         self.starts.clear();
         self.starts.extend_from_slice(starts);
@@ -180,7 +183,7 @@ impl<const D: usize> Team<D> {
             let share = (agents - i64::from(rank)) * WHOLE / agents;
             self.weight[agent as usize] = share * share / WHOLE;
         }
-        self.region.fill(0);
+        self.zones = None;
         self.within.fill(0);
     }
 
@@ -262,6 +265,12 @@ impl<const D: usize> Team<D> {
         }
     }
 
+    /// The region of a vertex.
+    #[inline]
+    fn region(&self, v: Vertex) -> u32 {
+        self.zones.as_ref().map_or(0, |zones| zones.of(v))
+    }
+
     /// True if an agent would move round in a ring with others, where nobody may; or might, with
     /// some of another region.
     fn closes_ring(&self, agent: u32, operation: &Operation<D>) -> bool {
@@ -269,11 +278,11 @@ impl<const D: usize> Team<D> {
             return false;
         }
         let mut from = self.starts[agent as usize];
-        let region = self.region[from as usize];
+        let region = self.region(from);
         for (step, &v) in operation.cells.iter().enumerate() {
             let mut at = v;
             while at != from {
-                if self.region[at as usize] != region {
+                if self.region(at) != region {
                     return true;
                 }
                 let ahead = self.before(at, step);
@@ -281,7 +290,7 @@ impl<const D: usize> Team<D> {
                     break;
                 }
                 let next = self.chosen(ahead).cells[step];
-                if self.region[next as usize] != region {
+                if self.region(next) != region {
                     return true;
                 }
                 // One that has no operation now is nowhere after its start.
@@ -319,9 +328,6 @@ impl<const D: usize> Team<D> {
 
     /// Gives everybody the operation of the step before, or lets them wait where these collide.
     pub(crate) fn settle(&mut self) {
-        for entry in &mut self.held {
-            *entry.get_mut() = NOBODY;
-        }
         let agents = self.starts.len();
         // The places of the last step mean nothing in these menus.
         for agent in 0..agents as u32 {

@@ -51,7 +51,9 @@ mod scatter;
 mod share;
 mod solve;
 pub mod streets;
+mod watch;
 pub mod wppl;
 
 pub use fleetyard_plugin_spacetime::problem::ProblemError;
 pub use solve::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
+pub use watch::Watch;

@@ -27,6 +27,7 @@ use fleetyard_plugin_spacetime::random::Random;
 
 use crate::pibt::swap::Will;
 use crate::pibt::{Pibt, Wishes};
+use crate::watch::Watch;
 
 /// No row of [`Gradients`]: an agent that wants nothing.
 const NOTHING: u32 = u32::MAX;
@@ -147,7 +148,9 @@ impl Lifelong {
     }
 
     /// Makes steps. In the plan no path goes on after its last move; agents that have
-    /// visited all their goals make room for the others.
+    /// visited all their goals make room for the others. Half of the time is for tables; under a window
+    /// agents who have none then go where the ranking sends them, or where others push them, and the next
+    /// call goes on with the tables.
     ///
     /// # Errors
     ///
@@ -156,7 +159,7 @@ impl Lifelong {
         &mut self,
         query: &Query<'_>,
         ranking: &mut R,
-        stop: &mut dyn FnMut() -> bool,
+        watch: &mut dyn Watch,
     ) -> Result<(GridPlan, End), ProblemError> {
         let graph = &self.graph;
         if query.starts.len() != query.goals.len() {
@@ -179,9 +182,10 @@ impl Lifelong {
             headings: query.headings,
             ahead: vec![NOWHERE; starts.len()],
             step: 0,
+            late: false,
             ranking,
         };
-        let run = fleet.run(query, &starts, stop);
+        let run = fleet.run(query, &starts, watch);
         for row in fleet.row {
             if row != NOTHING {
                 self.gradients.release(row);
@@ -220,6 +224,8 @@ struct Fleet<'a, R> {
     /// The direction in which each looks, or [`NOWHERE`].
     ahead: Vec<u8>,
     step: u32,
+    /// True once there is no time for more tables.
+    late: bool,
     ranking: &'a mut R,
 }
 
@@ -309,14 +315,18 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 None if self.stays[agent] => goals.last(),
                 wanted => wanted,
             };
-            self.row[agent] = match wanted {
+            let known = wanted.filter(|goal| !self.late || self.gradients.is_kept(**goal));
+            self.row[agent] = match known {
                 Some(&goal) => self.gradients.hold(graph, goal),
                 None => NOTHING,
             };
             if row != NOTHING {
                 self.gradients.release(row);
             }
-            if let Some(&goal) = wanted {
+            if let Some(&goal) = wanted.filter(|_| known.is_none()) {
+                self.distance[agent] = graph.manhattan(v, goal);
+            }
+            if let Some(&goal) = known {
                 let way = self.gradients.distance(graph, self.row[agent], v);
                 self.distance[agent] = way.ok_or_else(|| ProblemError::Unreachable {
                     agent,
@@ -355,7 +365,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         &mut self,
         query: &Query<'_>,
         starts: &[Vertex],
-        stop: &mut dyn FnMut() -> bool,
+        watch: &mut dyn Watch,
     ) -> Result<(GridPlan, End), ProblemError> {
         let graph = self.graph;
         let agents = starts.len();
@@ -375,13 +385,10 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             0 => u64::MAX,
             bytes => bytes,
         };
-        let end = match self.gradients.expect(graph, agents, limit, stop) {
-            Expected::Ready => None,
-            Expected::Stopped => Some(End::Stopped),
-            Expected::TooLarge => Some(End::Memory),
-        };
-        if let Some(end) = end {
-            return Ok((plan_of(paths_of(&[starts]), graph), end));
+        watch.begin(2);
+        let pause = &mut || watch.pause();
+        if self.gradients.expect(graph, agents, limit, pause) == Expected::TooLarge {
+            return Ok((plan_of(paths_of(&[starts]), graph), End::Memory));
         }
         let mut random = Random::new(query.seed, 0);
         let mut best = Attempt {
@@ -396,7 +403,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 _ => 1 + random.below(best.steps.len() / agents.max(1)),
             };
             let kept = best.steps[..kept * agents].to_vec();
-            let attempt = self.attempt(query, kept, &mut random, stop)?;
+            let attempt = self.attempt(query, kept, &mut random, watch)?;
             let stopped = attempt.end == End::Stopped;
             if retry == 0 || attempt.end == End::Done && attempt.score > best.score {
                 best = attempt;
@@ -409,11 +416,13 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         Ok((plan_of(paths_of(&configurations), graph), best.end))
     }
 
-    /// Puts everybody at the start again. False when it was stopped.
+    /// Puts everybody at the start again. False when it was stopped. Under a window nobody waits for tables
+    /// for longer than their share of the time.
     fn begin(
         &mut self,
         starts: &[Vertex],
-        stop: &mut dyn FnMut() -> bool,
+        windowed: bool,
+        watch: &mut dyn Watch,
     ) -> Result<bool, ProblemError> {
         self.step = 0;
         for (agent, &v) in starts.iter().enumerate() {
@@ -426,13 +435,15 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 .headings
                 .and_then(|headings| headings.get(agent))
                 .map_or(NOWHERE, |heading| direction(*heading));
-            self.arrive(agent, None, v)?;
             // Each may need a table of its own, which takes a while on a large map.
-            if agent % 32 == 31 && stop() {
+            if windowed {
+                self.late = self.late || watch.pause();
+            } else if watch.stop() {
                 return Ok(false);
             }
+            self.arrive(agent, None, v)?;
         }
-        Ok(true)
+        Ok(!watch.stop())
     }
 
     /// Makes the given steps, and others from there to the end.
@@ -441,12 +452,12 @@ impl<'a, R: Ranking> Fleet<'a, R> {
         query: &Query<'_>,
         mut steps: Vec<Vertex>,
         random: &mut Random,
-        stop: &mut dyn FnMut() -> bool,
+        watch: &mut dyn Watch,
     ) -> Result<Attempt, ProblemError> {
         let agents = self.row.len();
         let mut now = steps[..agents].to_vec();
         let mut score = 0;
-        if !self.begin(&now, stop)? {
+        if !self.begin(&now, query.window.is_some(), watch)? {
             steps.truncate(agents);
             let end = End::Stopped;
             return Ok(Attempt { steps, score, end });
@@ -476,7 +487,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
             moved += agents * query.samples as usize;
             if moved >= PATIENCE {
                 moved = 0;
-                if stop() {
+                if !watch.begin(1) || watch.stop() {
                     break End::Stopped;
                 }
             }
@@ -516,6 +527,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
                 score -= busy.count() as i64;
             }
             steps.extend_from_slice(&now);
+            watch.ready();
         };
         Ok(Attempt { steps, score, end })
     }
@@ -546,7 +558,7 @@ impl<'a, R: Ranking> Fleet<'a, R> {
 
     /// The nearest first, those who want nothing last.
     fn urgency(&mut self, agent: usize, v: Vertex) -> u32 {
-        if self.row[agent] == NOTHING {
+        if self.next[agent] == self.of(agent).len() && self.row[agent] == NOTHING {
             return u32::MAX;
         }
         let place = self.place(agent, v);

@@ -15,9 +15,10 @@ use fleetyard_plugin_spacetime::problem::{ProblemError, graph_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::epibt::run::{self as epibt, Watch as _};
+use crate::epibt::run as epibt;
 use crate::lifelong::{ByDistance, End, Lifelong, Query};
-use crate::streets::{ByStreet, Journeys, Streets, Turning};
+use crate::streets::{ByStreet, Journeys, Streets, Survey, Turning};
+use crate::watch::Watch;
 use crate::{Algorithm, Limit, Observer, Options, Outcome, Problem, solve};
 
 /// Figure: agents that are held back.
@@ -257,7 +258,7 @@ impl Method for EpibtOptions {
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let turning = turns(instance)?;
-        let journeys = block.journeys(instance, turning, call.budget.threads)?;
+        let journeys = block.journeys(instance, turning, call)?;
         let rest = block.rest(instance);
         let query = epibt::Query {
             step_limit: self.step_limit,
@@ -265,9 +266,10 @@ impl Method for EpibtOptions {
             tries: self.tries,
             ..first_query(instance, turning, rest.as_ref(), call)
         };
-        let mut clock = Clock { call, until_ns: 0 };
-        let mut by_street = clock.ranking(&mut block.streets, journeys);
-        let (plan, end) = epibt::run(&block.graph, &mut by_street, &query, &mut clock)?;
+        let mut clock = Clock::new(call);
+        let (graph, streets) = block.streets(instance, &mut clock);
+        let mut by_street = clock.ranking(streets, journeys);
+        let (plan, end) = epibt::run(graph, &mut by_street, &query, &mut clock)?;
         answer(&plan, end, instance, call)
     }
 }
@@ -335,7 +337,11 @@ fn answer(
 /// Data that `epibt` and `wppl` keep between calls.
 pub struct Block {
     graph: Arc<Graph>,
-    streets: Streets,
+    /// With lanes, for fleets; and without, once they are asked for.
+    streets: Survey,
+    plain: Option<Streets>,
+    /// Bytes of tables.
+    bytes: u64,
     /// Rows and columns.
     size: [u32; 2],
     step_s: f64,
@@ -346,18 +352,43 @@ impl Block {
         let graph = Arc::new(graph_of(grid)?);
         let bytes = half_of_memory(budget);
         Ok(Self {
-            streets: Streets::new(&graph, lane_charge.into(), grid.step_s, bytes),
+            streets: Survey::new(&graph, lane_charge.into(), grid.step_s, bytes),
+            plain: None,
+            bytes,
             graph,
             size: [grid.rows, grid.cols],
             step_s: grid.step_s,
         })
     }
 
+    /// The map, and its streets for an instance: without lanes where it ends, and as long as half of a
+    /// call's time does not suffice to learn them.
+    fn streets(
+        &mut self,
+        instance: &Instance,
+        clock: &mut Clock<'_>,
+    ) -> (&Arc<Graph>, &mut Streets) {
+        clock.begin(2);
+        let lanes = instance.window_steps > 0;
+        let streets = lanes.then(|| self.streets.streets(&mut || clock.pause()));
+        let streets = match streets.flatten() {
+            Some(streets) => {
+                self.plain = None;
+                streets
+            }
+            None => {
+                let survey = || Survey::new(&self.graph, 0, self.step_s, self.bytes);
+                self.plain.get_or_insert_with(|| survey().finish())
+            }
+        };
+        (&self.graph, streets)
+    }
+
     fn journeys<'a>(
         &self,
         instance: &'a Instance,
         turning: bool,
-        threads: u32,
+        call: &Call<'_>,
     ) -> Result<Journeys<'a>, ProblemError> {
         let mut turn = Turning::of(instance);
         if turning {
@@ -371,7 +402,8 @@ impl Block {
             // Several steps ahead crowds are seen for themselves.
             traffic: None,
             tasks: None,
-            threads: threads as usize,
+            threads: call.budget.threads as usize,
+            until_ns: search_until_ns(call),
             guidance: guidance_of(instance, &self.graph)?,
         })
     }
@@ -387,32 +419,56 @@ impl Block {
 /// The time of a call, shared out among its steps.
 struct Clock<'a> {
     call: &'a Call<'a>,
+    begun_ns: u64,
     until_ns: u64,
+    /// Of the last step the time until it was ready.
+    made_ready_ns: u64,
 }
 
-impl Clock<'_> {
+impl<'a> Clock<'a> {
+    fn new(call: &'a Call<'a>) -> Self {
+        Self {
+            call,
+            begun_ns: monotonic_ns(),
+            until_ns: 0,
+            made_ready_ns: 0,
+        }
+    }
+
     /// Makes ready for a fleet. Half of the time is for tables, so that the first call of many agents
     /// has a plan as well; what was made is kept to the next call.
     fn ranking<'s>(&mut self, streets: &'s mut Streets, journeys: Journeys<'s>) -> ByStreet<'s> {
         self.begin(2);
-        streets.ranking(journeys, &mut || self.pause() || self.call.stop())
+        streets.ranking(journeys, &mut || self.pause())
     }
 }
 
-impl epibt::Watch for Clock<'_> {
+impl Watch for Clock<'_> {
     fn stop(&mut self) -> bool {
         self.call.stop()
     }
 
-    fn begin(&mut self, left: u32) {
-        let now_ns = monotonic_ns();
-        let left_ns = self.call.budget.answer_by_ns.saturating_sub(now_ns);
-        self.until_ns = now_ns + left_ns / u64::from(left.max(1));
+    fn begin(&mut self, left: u32) -> bool {
+        self.begun_ns = monotonic_ns();
+        self.until_ns = self.call.share_ends_ns(left.max(1));
+        self.call.share_ends_ns(1) > self.begun_ns + self.made_ready_ns
+    }
+
+    fn ready(&mut self) {
+        self.made_ready_ns = monotonic_ns() - self.begun_ns;
     }
 
     fn pause(&mut self) -> bool {
-        monotonic_ns() >= self.until_ns
+        monotonic_ns() >= self.until_ns || self.call.stop()
     }
+}
+
+/// The instant after which nobody looks for ways any more: the last quarter of a call is for steps along
+/// those that are known.
+fn search_until_ns(call: &Call<'_>) -> u64 {
+    let now_ns = monotonic_ns();
+    let answer_by_ns = call.share_ends_ns(1);
+    answer_by_ns - (answer_by_ns - now_ns) / 4
 }
 
 /// True if an instance is more than one goal of its own for each agent.
@@ -439,33 +495,19 @@ fn guidance_of<'a>(
 pub struct Roads {
     lifelong: Lifelong,
     lane_charge: u32,
-    step_s: f64,
-    bytes: u64,
-    /// Made when there are lanes, or guidance.
-    streets: Option<Streets>,
+    /// Learnt when there are windows, and lanes or guidance.
+    streets: Survey,
 }
 
 impl Roads {
     fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u32) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid)?);
         let bytes = half_of_memory(budget);
-        let mut roads = Self {
+        Ok(Self {
+            streets: Survey::new(&graph, lane_charge, grid.step_s, bytes / 2).with_signals(),
             lifelong: Lifelong::new(graph, TABLE_BYTES.min(bytes)),
             lane_charge,
-            step_s: grid.step_s,
-            bytes,
-            streets: None,
-        };
-        if lane_charge > 0 {
-            roads.make_streets();
-        }
-        Ok(roads)
-    }
-
-    fn make_streets(&mut self) {
-        let graph = self.lifelong.graph();
-        let streets = Streets::new(graph, self.lane_charge, self.step_s, self.bytes / 2);
-        self.streets = Some(streets.with_signals());
+        })
     }
 
     fn plan(
@@ -536,15 +578,16 @@ impl Roads {
             retries,
             seed: call.budget.seed,
         };
-        let stop = &mut || call.stop();
         let guidance = guidance_of(instance, self.lifelong.graph())?;
         // A call without lanes goes by distances alone, whatever calls before it had.
         let by_street = query.window.is_some() && (self.lane_charge > 0 || guidance.is_some());
-        if by_street && self.streets.is_none() {
-            self.make_streets();
-        }
-        let streets = self.streets.as_mut().filter(|_| by_street);
-        let ranking = streets.map(|streets| {
+        // Half of the time is for streets, so that a fleet that learns them has a plan as well; what was made
+        // is kept to the next call.
+        let clock = &mut Clock::new(call);
+        clock.begin(2);
+        let pause = &mut || clock.pause();
+        let streets = by_street.then(|| self.streets.streets(pause));
+        let ranking = streets.flatten().map(|streets| {
             let journeys = Journeys {
                 starts: &instance.starts,
                 goals: &instance.goals,
@@ -553,18 +596,19 @@ impl Roads {
                 traffic: instance.traffic(),
                 tasks: instance.goal_tasks(),
                 threads: 1,
+                until_ns: search_until_ns(call),
                 guidance,
             };
-            streets.ranking(journeys, stop)
+            streets.ranking(journeys, pause)
         });
         let (plan, end) = match ranking {
             Some(mut by_street) => {
                 if by_street.held() > 0 {
                     call.metric(HELD_BACK, by_street.held() as f64);
                 }
-                self.lifelong.run(&query, &mut by_street, stop)
+                self.lifelong.run(&query, &mut by_street, clock)
             }
-            None => self.lifelong.run(&query, &mut ByDistance, stop),
+            None => self.lifelong.run(&query, &mut ByDistance, clock),
         }?;
         // Under a window a plan may be shorter than asked for: everybody stays then.
         if end == End::Done || (query.window.is_some() && end == End::Stopped) {

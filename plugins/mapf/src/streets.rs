@@ -59,7 +59,7 @@ const IDLE_BYTES: u64 = 256 << 20;
 /// Most moves of a way on which passages are looked for.
 const FAR: usize = 1000;
 /// Agents whose ways are found between two looks at the clock.
-const PATIENCE: usize = 64;
+const PATIENCE: usize = 8;
 
 /// The time that a turn by 90° takes a robot: to brake, to turn and to set out again, less the time
 /// in which it would have driven the same way without a stop.
@@ -142,7 +142,8 @@ fn quarter_s(robot: &Robot) -> f64 {
     turn_s + lost_s(rate(0, 0)) + lost_s(rate(0, 1))
 }
 
-/// The streets of a map, and the ways to goals along them, kept from call to call.
+/// The streets of a map, and the ways to goals along them, kept from call to call. A [`Survey`] learns
+/// them.
 #[derive(Debug)]
 pub struct Streets {
     graph: Arc<Graph>,
@@ -181,6 +182,9 @@ pub struct Journeys<'a> {
     pub tasks: Option<&'a GoalTasks>,
     /// Threads that look for ways.
     pub threads: usize,
+    /// The instant, by the monotonic clock, after which nobody looks for ways any more: where they are not known they
+    /// cost what they do at least. [`u64::MAX`] for none; then the ranking depends on no clock.
+    pub until_ns: u64,
     /// The guidance graph of the map, if there is one: of as many moves and cells.
     pub guidance: Option<&'a Guidance>,
 }
@@ -225,28 +229,38 @@ impl<'a> Guide<'a> {
     }
 }
 
-impl Streets {
+/// Streets while they are learnt, a part at a time: each takes time in proportion to the map.
+#[derive(Debug)]
+pub struct Survey {
+    graph: Arc<Graph>,
+    charge: u32,
+    step_s: f64,
+    bytes: u64,
+    signals: bool,
+    learnt: Learnt,
+}
+
+/// The parts that are learnt.
+#[derive(Debug)]
+enum Learnt {
+    Nothing,
+    Lanes(Lanes),
+    Passages(Lanes, Vec<Passage>),
+    Doors(Lanes, Vec<Passage>, Doors),
+    All(Box<Streets>),
+}
+
+impl Survey {
     /// Moves against a lane are charged so many steps of so many seconds; 0 for no lanes. Tables may
-    /// take so many bytes. There are no [signals](Streets::with_signals).
+    /// take so many bytes. There are no [signals](Survey::with_signals). Nothing is learnt yet.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
-        let lanes = Lanes::new(graph, charge);
-        let open = |v, d| charge == 0 || !lanes.is_barred(v, d);
-        let passages = Passage::all(graph);
-        let doors = match charge {
-            0 => Doors::default(),
-            _ => Doors::new(graph, &passages, open),
-        };
-        let may = |v, d| open(v, d) && !doors.is_barred(v, d);
         Self {
             graph: Arc::clone(graph),
-            crossings: Crossings::new(graph, Vec::new(), may),
-            moves: Moves::new(graph, may),
-            lanes,
-            doors,
+            charge,
             step_s,
-            tables: Tables::new(bytes),
-            tolls: Vec::new(),
-            gradients: None,
+            bytes,
+            signals: false,
+            learnt: Learnt::Nothing,
         }
     }
 
@@ -254,12 +268,73 @@ impl Streets {
     /// that ask [`Ranking::rank`]. Moves that join the approach of one are charged.
     #[must_use]
     pub fn with_signals(mut self) -> Self {
-        let passages = Passage::all(&self.graph);
-        let may = |v, d| self.moves.away(v, d).is_some();
-        self.crossings = Crossings::new(&self.graph, passages, may);
+        self.signals = true;
         self
     }
 
+    /// Goes on until the streets are known, or `stop`, which is asked between parts, says so. The next
+    /// time it goes on from there.
+    pub fn streets(&mut self, stop: &mut dyn FnMut() -> bool) -> Option<&mut Streets> {
+        while !matches!(self.learnt, Learnt::All(_)) && !stop() {
+            self.learnt = self.next();
+        }
+        match &mut self.learnt {
+            Learnt::All(streets) => Some(streets),
+            _ => None,
+        }
+    }
+
+    /// All of the streets.
+    pub fn finish(mut self) -> Streets {
+        loop {
+            match self.next() {
+                Learnt::All(streets) => return *streets,
+                part => self.learnt = part,
+            }
+        }
+    }
+
+    /// What is learnt with one more part.
+    fn next(&mut self) -> Learnt {
+        let (graph, charge) = (&*self.graph, self.charge);
+        let open = |lanes: &Lanes, v, d| charge == 0 || !lanes.is_barred(v, d);
+        match std::mem::replace(&mut self.learnt, Learnt::Nothing) {
+            Learnt::Nothing => Learnt::Lanes(Lanes::new(graph, charge)),
+            Learnt::Lanes(lanes) => {
+                let wanted = charge > 0 || self.signals;
+                let passages = wanted.then(|| Passage::all(graph));
+                Learnt::Passages(lanes, passages.unwrap_or_default())
+            }
+            Learnt::Passages(lanes, passages) => {
+                let doors = match charge {
+                    0 => Doors::default(),
+                    _ => Doors::new(graph, &passages, |v, d| open(&lanes, v, d)),
+                };
+                Learnt::Doors(lanes, passages, doors)
+            }
+            Learnt::Doors(lanes, mut passages, doors) => {
+                let may = |v, d| open(&lanes, v, d) && !doors.is_barred(v, d);
+                if !self.signals {
+                    passages.clear();
+                }
+                Learnt::All(Box::new(Streets {
+                    graph: Arc::clone(&self.graph),
+                    crossings: Crossings::new(graph, passages, may),
+                    moves: Moves::new(graph, may),
+                    lanes,
+                    doors,
+                    step_s: self.step_s,
+                    tables: Tables::new(self.bytes),
+                    tolls: Vec::new(),
+                    gradients: None,
+                }))
+            }
+            all @ Learnt::All(_) => all,
+        }
+    }
+}
+
+impl Streets {
     /// True if ways may lead along the move from `v` in direction `d`: there is one, and neither a lane
     /// nor a door bars it.
     pub fn may(&self, v: Vertex, d: usize) -> bool {
@@ -288,6 +363,7 @@ impl Streets {
             traffic,
             tasks,
             threads,
+            until_ns,
             guidance,
         } = journeys;
         self.tables.weigh(IDLE_BYTES, Ways::bytes);
@@ -306,6 +382,7 @@ impl Streets {
             .tolls
             .iter()
             .map(|(_, hash, tolls)| (*hash, Arc::clone(tolls)))
+            .inspect(|(_, tolls)| tolls.search_until(until_ns))
             .collect();
         let fits = self.fits(starts, goals);
         let mut ranking = ByStreet {
@@ -524,12 +601,20 @@ impl ByStreet<'_> {
         }
     }
 
-    /// Finds the way of an agent to its first goal.
+    /// Finds the way of an agent to its first goal, and those from the cells around it, which are asked
+    /// for when it makes a step.
     fn rest(&self, agent: usize, heading: Option<u8>) {
+        let Streets { graph, moves, .. } = &*self.streets;
         let Journey { ways, tolls, .. } = &self.journeys[agent];
-        let start = self.streets.graph.vertex(self.starts[agent]);
-        if let Some((ways, start)) = ways.as_deref().zip(start) {
-            ways.from(&self.streets.moves, start, heading, self.tolls(*tolls));
+        let Some((ways, start)) = ways.as_deref().zip(graph.vertex(self.starts[agent])) else {
+            return;
+        };
+        let tolls = self.tolls(*tolls);
+        ways.from(moves, start, heading, tolls);
+        for d in 0..DIRECTIONS {
+            if let Some(number) = moves.away(start, d) {
+                ways.along(moves, number, d, heading, tolls);
+            }
         }
     }
 

@@ -39,9 +39,10 @@ use fleetyard_plugin_spacetime::reservation::Reservations;
 use self::errand::{Errand, Ground, Leg, Pose};
 use self::search::Search;
 use crate::epibt::operations::Maker;
-use crate::epibt::run::{self as epibt, End, Watch, turned};
+use crate::epibt::run::{self as epibt, End, turned};
 use crate::streets::ways::FAR;
 use crate::streets::{ByStreet, STEP};
+use crate::watch::Watch;
 
 /// The longest window that is planned at once. Longer ones are, as if there were none, in parts.
 pub const MOST_STEPS: u32 = 128;

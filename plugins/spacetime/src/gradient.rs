@@ -150,7 +150,8 @@ impl Gradients {
     }
 
     /// Makes ready for so many goals held at a time, in at most `limit` bytes, while none
-    /// is held.
+    /// is held. Where it was stopped, questions may be asked all the same: each goal that is held gets
+    /// a table, as if there were no labels.
     pub fn expect(
         &mut self,
         graph: &Graph,
@@ -188,6 +189,11 @@ impl Gradients {
             }
         }
         fits(tables)
+    }
+
+    /// True if distances to a goal are known as far as anybody has asked, or no table is needed.
+    pub fn is_kept(&self, goal: Vertex) -> bool {
+        self.labels().is_some() || self.rows.row_of[goal as usize] != NONE
     }
 
     #[inline]

@@ -51,8 +51,9 @@ struct Part {
     number: u32,
     /// Its place in [`Labels::order`].
     place: Range<usize>,
-    /// Number of its vertices that are in the cut.
+    /// Number of its vertices that are in the cut, and of those whose entries are made.
     cut: usize,
+    made: usize,
 }
 
 impl Labels {
@@ -82,7 +83,13 @@ impl Labels {
                     stack.push((number, half, end));
                 }
             }
-            todo.push(Part { number, place, cut });
+            let made = 0;
+            todo.push(Part {
+                number,
+                place,
+                cut,
+                made,
+            });
         }
         // Parts are taken from the end.
         todo.reverse();
@@ -116,8 +123,8 @@ impl Labels {
         self.todo.is_empty()
     }
 
-    /// Makes the entries, or goes on with them; false when `stop`, which is asked between
-    /// parts, has prevented it.
+    /// Makes the entries, or goes on with them; false when `stop`, which is asked between searches
+    /// through a part, has prevented it.
     pub fn complete(
         &mut self,
         graph: &Graph,
@@ -127,13 +134,14 @@ impl Labels {
         // Zero for vertices of other parts, and the sentinel: as if they had been visited.
         let mut distance = vec![0; graph.len() + 1];
         let mut queue = Vec::new();
-        while let Some(part) = self.todo.last() {
-            if stop() {
-                return Ok(false);
-            }
+        while let Some(part) = self.todo.last_mut() {
             let inside = &self.order[part.place.clone()];
             let first = self.ends[part.number as usize] as usize - part.cut;
-            for (entry, &from) in (first..).zip(&inside[..part.cut]) {
+            for (entry, &from) in (first..).zip(&inside[..part.cut]).skip(part.made) {
+                if stop() {
+                    return Ok(false);
+                }
+                part.made += 1;
                 for &v in inside {
                     distance[v as usize] = FAR;
                 }

@@ -149,6 +149,12 @@ impl<'a> Call<'a> {
         monotonic_ns() >= self.answer_by_ns || self.sink.cancelled()
     }
 
+    /// The time by which a share of what is left of the call ends, one of so many.
+    pub fn share_ends_ns(&self, shares: u32) -> u64 {
+        let now_ns = monotonic_ns();
+        now_ns + self.answer_by_ns.saturating_sub(now_ns) / u64::from(shares)
+    }
+
     /// The most search nodes, if the budget limits them.
     pub fn node_limit(&self) -> Option<u64> {
         (self.budget.nodes > 0).then_some(self.budget.nodes)

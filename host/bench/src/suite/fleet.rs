@@ -177,6 +177,8 @@ pub(super) fn setup(
         allowance: Allowance {
             prepare_s: prepare.map_or(default.allowance.prepare_s, |prepare| prepare.as_secs_f64()),
             call_s: said.call_budget,
+            grace_s: (around.budget.grace)
+                .map_or(default.allowance.grace_s, |grace| grace.as_secs_f64()),
             threads: around.budget.threads,
             memory_bytes: around.budget.plan_memory(),
             nodes: said.nodes.unwrap_or(around.budget.nodes),

@@ -238,6 +238,11 @@ pub(super) struct FleetAsked {
     #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().allowance.call_s),
           value_parser = positive_seconds)]
     call_budget: f64,
+    /// Time for which the planner may go on after its limit. What it answers then is dropped, but it
+    /// keeps its process and what it has learnt; whoever is still not done is killed
+    #[arg(long, help_heading = LIMITS, value_name = "DURATION", default_value = seconds_text(FleetConfig::default().allowance.grace_s),
+          value_parser = seconds)]
+    grace: f64,
     /// Most threads a plugin may use
     #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = FleetConfig::default().allowance.threads,
           value_parser = clap::value_parser!(u32).range(1..=4096))]
@@ -662,6 +667,7 @@ pub(super) fn asked_config(
         allowance: Allowance {
             prepare_s: asked.prepare_budget,
             call_s: asked.call_budget,
+            grace_s: asked.grace,
             threads: asked.plugin_threads,
             memory_bytes: asked.memory.unwrap_or_else(half_of_memory),
             nodes: asked.nodes,
@@ -955,6 +961,20 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
                 "the planner holds back {held:.0} of {} robots on average, since too many want through the \
                  same passages: fewer robots deliver as much",
                 outcome.config.agents
+            ));
+        }
+        if let Some(late) = &outcome.metrics.late {
+            output::warning(&format!(
+                "{} of {} calls of the planner took longer than its limit of {}, by {:.0} % in the median, \
+                 so that the fail policy decided or an earlier plan counted",
+                late.calls,
+                outcome.metrics.planner_calls,
+                seconds_text(outcome.config.limit_s),
+                100.0 * (late.time_ms.p50 / (outcome.config.limit_s * 1e3) - 1.0)
+            ));
+            output::hint(&format!(
+                "`--limit {}` would have sufficed for 95 % of them",
+                seconds_text(late.limit_s)
             ));
         }
         if let Some(decay) = &outcome.metrics.decay {

@@ -30,6 +30,10 @@ pub(super) trait Attachment {
         budget: &Budget,
     ) -> Result<CallReport, Fault>;
 
+    /// From here on calls may go on for so long after their deadlines, once told to stop. In process
+    /// nobody can be stopped.
+    fn set_grace(&mut self, grace: Duration);
+
     /// Asks a planner or a fail policy for a plan.
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun;
 

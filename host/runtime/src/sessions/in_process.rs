@@ -130,6 +130,8 @@ impl Attachment for InProcess {
         })
     }
 
+    fn set_grace(&mut self, _: Duration) {}
+
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun {
         let mut running = Running::begin(call, budget, monotonic_ns);
         let called = self.ask(call, &mut running);

@@ -229,6 +229,10 @@ impl<T: Transport> Attachment for Client<T> {
         Ok(CallReport { wall, usage })
     }
 
+    fn set_grace(&mut self, grace: Duration) {
+        self.limits.grace = grace;
+    }
+
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun {
         let written = Written::of(call);
         self.begin_call(budget, self.limits.cpu);

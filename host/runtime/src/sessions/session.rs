@@ -131,6 +131,12 @@ impl Session {
         Ok(report)
     }
 
+    /// From here on calls may go on for so long after their deadlines, once told to stop; at first as
+    /// the limits of the session say. In process nobody can be stopped.
+    pub fn set_grace(&mut self, grace: Duration) {
+        self.attachment.set_grace(grace);
+    }
+
     /// From here on plugins are asked what they want to show of their search, or not; at first they
     /// are not.
     pub fn want_annotations(&mut self, wanted: bool) {

@@ -4,6 +4,8 @@
 //! what happens in one region does not depend on any other, nor on the number of threads. Regions
 //! are shifted from round to round, since agents at their borders have no part in a round.
 
+use std::sync::Arc;
+
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -23,13 +25,40 @@ pub(super) struct Regions {
     /// Rows and columns of the map, and of a region.
     size: [u32; 2],
     side: [u32; 2],
-    places: Box<[[u32; 2]]>,
+    places: Arc<[[u32; 2]]>,
+}
+
+/// The regions of a round.
+#[derive(Debug)]
+pub(super) struct Zones {
+    side: [u32; 2],
+    /// Rows, and columns, by which they are shifted.
+    shift: [u32; 2],
+    /// Regions beside each other.
+    across: u32,
+    places: Arc<[[u32; 2]]>,
+}
+
+impl Zones {
+    /// The region of a vertex; any for what is none.
+    #[inline]
+    pub(super) fn of(&self, v: Vertex) -> u32 {
+        self.places
+            .get(v as usize)
+            .map_or(0, |place| self.at(*place))
+    }
+
+    /// The region of a place.
+    fn at(&self, place: [u32; 2]) -> u32 {
+        let number = |axis: usize| (place[axis] + self.shift[axis]) / self.side[axis];
+        number(0) * self.across + number(1)
+    }
 }
 
 impl Regions {
     /// For operations of so many actions.
     pub(super) fn new(graph: &Graph, actions: usize) -> Self {
-        let places: Box<[[u32; 2]]> = (0..graph.len() as Vertex).map(|v| graph.place(v)).collect();
+        let places: Arc<[[u32; 2]]> = (0..graph.len() as Vertex).map(|v| graph.place(v)).collect();
         let last = |axis: usize| places.iter().map(|place| place[axis]).max();
         let size = [0, 1].map(|axis| last(axis).map_or(1, |last| last + 1));
         let side = size.map(|size| size.div_ceil((size / (SIDE * actions as u32)).max(1)));
@@ -41,8 +70,8 @@ impl Regions {
         self.size == self.side
     }
 
-    /// The region of a place in a round.
-    fn of(&self, place: [u32; 2], round: u64) -> u32 {
+    /// The regions of a round.
+    fn zones(&self, round: u64) -> Zones {
         // Every second round is shifted by half a region, first both ways and then one way each.
         let shifted = match round % ROUNDS {
             0 => [0, 0],
@@ -50,24 +79,24 @@ impl Regions {
             2 => [0, 1],
             _ => [1, 0],
         };
-        let number =
-            |axis: usize| (place[axis] + shifted[axis] * self.side[axis] / 2) / self.side[axis];
-        let across = (self.size[1] + self.side[1] / 2) / self.side[1] + 1;
-        number(0) * across + number(1)
+        Zones {
+            side: self.side,
+            shift: [0, 1].map(|axis| shifted[axis] * self.side[axis] / 2),
+            across: (self.size[1] + self.side[1] / 2) / self.side[1] + 1,
+            places: Arc::clone(&self.places),
+        }
     }
 
     /// Says where everybody belongs in a round. Gives the agents of each region.
     fn assign<const D: usize>(&self, team: &mut Team<D>, round: u64) -> Vec<Vec<u32>> {
-        for (region, &place) in team.region.iter_mut().zip(&self.places) {
-            *region = self.of(place, round);
-        }
+        let zones = self.zones(round);
         let mut members: Vec<Vec<u32>> = Vec::new();
         for (agent, &start) in team.starts.iter().enumerate() {
             let place = self.places[start as usize];
             let first = place.map(|at| at.saturating_sub(D as u32));
             let last = [0, 1].map(|axis| (place[axis] + D as u32).min(self.size[axis] - 1));
-            let region = self.of(first, round);
-            let inside = region == self.of(last, round);
+            let region = zones.at(first);
+            let inside = region == zones.at(last);
             team.within[agent] = if inside { region } else { NOBODY };
             if inside {
                 let region = region as usize;
@@ -75,6 +104,7 @@ impl Regions {
                 members[region].push(agent as u32);
             }
         }
+        team.zones = Some(zones);
         members
     }
 

@@ -18,6 +18,7 @@ use super::{MENU, NOBODY, Search, Team};
 use crate::share::share;
 use crate::streets::ways::{FAR, Ways, quarters};
 use crate::streets::{ByStreet, STEP};
+use crate::watch::Watch;
 
 /// Goals of an agent that are looked at in a step.
 const AIMS: usize = 2;
@@ -61,16 +62,6 @@ pub struct Query<'a> {
 /// The least and the largest number of actions of an operation.
 pub const fn horizons() -> (usize, usize) {
     (3, 5)
-}
-
-/// A clock, and somebody who looks at it.
-pub trait Watch {
-    /// True when the call has to end.
-    fn stop(&mut self) -> bool;
-    /// A step begins, the first of so many that are left.
-    fn begin(&mut self, left: u32);
-    /// True when the step has had its share of the time.
-    fn pause(&mut self) -> bool;
 }
 
 /// Reason why a run ended.
@@ -133,6 +124,8 @@ pub(super) struct Run<'a, 'b, 's, const D: usize> {
     pub(super) agents: Vec<Agent>,
     team: Team<D>,
     regions: Regions,
+    /// The agent in each vertex while agents look round; nobody between.
+    occupant: Vec<u32>,
     /// One per thread.
     searches: Vec<Search>,
     paths: Vec<Vec<Vertex>>,
@@ -183,6 +176,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
         Ok(Self {
             team: Team::new(graph, starts.len(), query.rings),
             regions: Regions::new(graph, D),
+            occupant: vec![NOBODY; graph.len() + 1],
             searches: (0..query.threads.max(1))
                 .map(|_| Search::new(starts.len()))
                 .collect(),
@@ -210,8 +204,15 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 None if step >= self.query.step_limit => break End::Steps,
                 None => u64::MAX,
             };
-            watch.begin(u32::try_from(left).unwrap_or(u32::MAX));
+            // What is left of the step before is a plan as well.
+            if !watch.begin(u32::try_from(left).unwrap_or(u32::MAX)) && step > 0 {
+                for (path, kept) in self.paths.iter_mut().zip(&kept) {
+                    path.extend(kept);
+                }
+                break End::Stopped;
+            }
             self.prepare(&kept)?;
+            watch.ready();
             let (team, searches) = (&mut self.team, &mut self.searches);
             let whole = searches[0].pass(team, &mut || watch.stop());
             if whole {
@@ -295,7 +296,7 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
             }
             self.agents[agent].near = self.near(agent);
         }
-        let mut occupant = vec![NOBODY; self.graph.len() + 1];
+        let mut occupant = std::mem::take(&mut self.occupant);
         for (number, agent) in (0..).zip(&self.agents) {
             occupant[agent.at as usize] = number;
         }
@@ -307,6 +308,10 @@ impl<'a, 'b, 's, const D: usize> Run<'a, 'b, 's, D> {
                 *found = (rest, run.aside(agent, &occupant));
             }
         });
+        for agent in &self.agents {
+            occupant[agent.at as usize] = NOBODY;
+        }
+        self.occupant = occupant;
         for (at, (rest, aside)) in found.into_iter().enumerate() {
             let agent = &mut self.agents[at];
             agent.rest = rest;

@@ -82,7 +82,7 @@ impl Method for WpplOptions {
         call: &Call<'_>,
     ) -> Result<(), Failure> {
         let turning = turns(instance)?;
-        let journeys = block.journeys(instance, turning, call.budget.threads)?;
+        let journeys = block.journeys(instance, turning, call)?;
         let rest = block.rest(instance);
         let query = Query {
             first: epibt::Query {
@@ -92,9 +92,10 @@ impl Method for WpplOptions {
             depth: self.depth,
             tries: self.tries,
         };
-        let mut clock = Clock { call, until_ns: 0 };
-        let mut by_street = clock.ranking(&mut block.streets, journeys);
-        let (plan, end, effort) = run(&block.graph, &mut by_street, &query, &mut clock)?;
+        let mut clock = Clock::new(call);
+        let (graph, streets) = block.streets(instance, &mut clock);
+        let mut by_street = clock.ranking(streets, journeys);
+        let (plan, end, effort) = run(graph, &mut by_street, &query, &mut clock)?;
         call.metric("neighborhoods", effort.neighborhoods as f64);
         call.metric("ended_by_clock", f64::from(u8::from(effort.stopped)));
         answer(&plan, end, instance, call)

@@ -5,9 +5,9 @@
 //! control", American Mathematical Monthly 46 (1939): the streets of a town can all be made one-way
 //! exactly if no single one of them holds it together; F. Boesch and R. Tindell, "Robbins's theorem
 //! for mixed multigraphs", ibid. 87 (1980): also where some are one-way already, and whichever of the
-//! others comes first. Among the choices the one is taken that makes ways between doors shortest, by
-//! giving doors their directions one after the other, and turning single ones round as long as that
-//! helps.
+//! others comes first. So each door in turn gets the direction from whose end the way back is shorter, if there
+//! is one: everywhere stays in reach, and doors side by side lead opposite ways. A search ends where
+//! the way back does, which is near, so that a town takes about as long as it has doors.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,11 +17,9 @@ use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 
 use super::passages::Passage;
 
-/// Ends of doors that a search may look at, all searches together; doors for which it does not
+/// Ends of doors that searches may look at for every cell of the map; doors for which that does not
 /// suffice stay open in both directions.
-const WORK: u64 = 100_000_000;
-/// Cells of a way that there is not.
-const NO_WAY: u64 = 1 << 32;
+const WORK_PER_CELL: u64 = 16;
 
 /// The directions of doors.
 #[derive(Debug, Default)]
@@ -89,6 +87,10 @@ struct Link {
     passage: Option<usize>,
 }
 
+/// Ends to go on from: moves up to there and, at least, on to the target; moves up to there; the end;
+/// and true if the way has come into its region there.
+type Queue = BinaryHeap<Reverse<(u64, u64, u32, bool)>>;
+
 /// Regions, from everywhere in which one gets everywhere else without a passage, and what leads
 /// between them.
 #[derive(Debug)]
@@ -97,6 +99,10 @@ struct Town<'g> {
     links: Vec<Link>,
     /// Per region the ends of links there: those of link `i` are `2 i` and `2 i + 1`.
     ends: Vec<Vec<u32>>,
+    /// Per end the last search that found a way there, and its moves.
+    seen: Vec<u32>,
+    moves: Vec<u64>,
+    search: u32,
     work: u64,
 }
 
@@ -117,17 +123,21 @@ impl<'g> Town<'g> {
             if passage.is_dead_end() {
                 continue;
             }
+            let regions = passage.mouths.map(|mouth| region[mouth as usize]);
+            // Within a region the way beside it is no longer.
+            if regions[0] == regions[1] {
+                continue;
+            }
             let open = [0, 1].map(|end| {
                 let way = passage.through(graph, end);
                 way.iter().all(|(v, d)| may(*v, *d))
             });
-            let regions = passage.mouths.map(|mouth| region[mouth as usize]);
             links.push(Link {
                 mouths: passage.mouths,
                 regions,
                 moves: passage.cells.len() as u64 + 1,
                 open,
-                passage: Some(number).filter(|_| open == [true; 2] && regions[0] != regions[1]),
+                passage: Some(number).filter(|_| open == [true; 2]),
             });
         }
         for v in 0..graph.len() as Vertex {
@@ -153,110 +163,166 @@ impl<'g> Town<'g> {
         }
         Self {
             graph,
+            seen: vec![0; 2 * links.len()],
+            moves: vec![0; 2 * links.len()],
+            search: 0,
             links,
             ends,
-            work: WORK,
+            work: WORK_PER_CELL * graph.len() as u64,
         }
     }
 
     /// Gives doors their directions; gives the passages that have one, with the end at which agents
     /// enter.
     fn direct(&mut self) -> Vec<(usize, usize)> {
-        let doors: Vec<usize> = (0..self.links.len())
-            .filter(|link| self.links[*link].passage.is_some())
-            .collect();
-        if doors.is_empty() {
-            return Vec::new();
-        }
-        let Some((missing, _)) = self.ways() else {
-            return Vec::new();
-        };
-        let mut best = (missing, u64::MAX);
-        loop {
-            let mut changed = false;
-            for &door in &doors {
-                let before = self.links[door].open;
-                let mut chosen = before;
-                for open in [[true, false], [false, true]] {
-                    if open == before {
-                        continue;
-                    }
-                    self.links[door].open = open;
-                    let Some(ways) = self.ways() else {
-                        break;
-                    };
-                    // Whatever it costs, a door gets a direction if all can still be reached.
-                    let first = chosen == [true; 2] && ways.0 == best.0;
-                    if first || ways < best {
-                        best = ways;
-                        chosen = open;
-                        changed = true;
-                    }
-                }
-                self.links[door].open = chosen;
-            }
-            if !changed || self.work == 0 {
-                break;
-            }
-        }
-        let directed = doors.iter().filter_map(|door| {
-            let Link { passage, open, .. } = &self.links[*door];
-            let end = match open {
-                [true, false] => 0,
-                [false, true] => 1,
-                _ => return None,
+        let mut directed = Vec::new();
+        for link in 0..self.links.len() {
+            let Some(passage) = self.links[link].passage else {
+                continue;
             };
-            Some(((*passage)?, end))
-        });
-        directed.collect()
-    }
-
-    /// Pairs of ends between which there is no way, and the sum of the moves between the others;
-    /// `None` once too much work is done.
-    fn ways(&mut self) -> Option<(u64, u64)> {
-        let (mut missing, mut sum) = (0, 0);
-        for end in 0..2 * self.links.len() as u32 {
-            for moves in self.from(end)? {
-                if moves == NO_WAY {
-                    missing += 1;
-                } else {
-                    sum += moves;
+            self.links[link].open = [false; 2];
+            let [first, second] = [0, 1].map(|end| 2 * link as u32 + end);
+            // Who enters at an end comes back from the other one.
+            let back = [self.way(second, first), self.way(first, second)];
+            let enter = match back {
+                [Some(way), Some(other)] => usize::from(other < way),
+                [Some(_), None] => 0,
+                [None, Some(_)] => 1,
+                [None, None] => {
+                    self.links[link].open = [true; 2];
+                    continue;
                 }
-            }
+            };
+            self.links[link].open[enter] = true;
+            directed.push((passage, enter));
         }
-        Some((missing, sum))
+        directed
     }
 
-    /// Moves from an end of a link to all ends (E. W. Dijkstra, 1959).
-    fn from(&mut self, end: u32) -> Option<Vec<u64>> {
-        let mut moves = vec![NO_WAY; 2 * self.links.len()];
-        moves[end as usize] = 0;
-        let mut queue = BinaryHeap::from([Reverse((0, end))]);
-        while let Some(Reverse((far, at))) = queue.pop() {
-            if far > moves[at as usize] {
+    /// Moves from an end of a link to another end; `None` if there is no way, or once too much work is
+    /// done. A* (P. Hart, N. Nilsson, B. Raphael, 1968) by Manhattan distances. Within a region these
+    /// are the ways, so that only ends where a search has entered a region lead on to the others there.
+    fn way(&mut self, from: u32, to: u32) -> Option<u64> {
+        let target = self.mouth(to);
+        self.search += 1;
+        let mut queue = BinaryHeap::new();
+        self.reach(from, 0, target, true, &mut queue);
+        while let Some(Reverse((_, far, at, enters))) = queue.pop() {
+            if at == to {
+                return Some(far);
+            }
+            if far > self.moves[at as usize] {
                 continue;
             }
             let (link, side) = (&self.links[at as usize / 2], at as usize % 2);
-            let mut reach = |to: u32, far: u64| {
-                if far < moves[to as usize] {
-                    moves[to as usize] = far;
-                    queue.push(Reverse((far, to)));
-                }
+            let (region, moves, open) = (link.regions[side], link.moves, link.open[side]);
+            if open {
+                self.reach(at ^ 1, far + moves, target, true, &mut queue);
+            }
+            let beside = if enters {
+                self.ends[region as usize].len()
+            } else {
+                0
             };
-            if link.open[side] {
-                reach(at ^ 1, far + link.moves);
+            for number in 0..beside {
+                let end = self.ends[region as usize][number];
+                let way = self.graph.manhattan(self.mouth(at), self.mouth(end));
+                self.reach(end, far + u64::from(way), target, false, &mut queue);
             }
-            let beside = &self.ends[link.regions[side] as usize];
-            for &to in beside {
-                let mouth = self.links[to as usize / 2].mouths[to as usize % 2];
-                let way = self.graph.manhattan(link.mouths[side], mouth);
-                reach(to, far + u64::from(way));
-            }
-            self.work = self.work.saturating_sub(beside.len() as u64 + 1);
+            self.work = self.work.saturating_sub(beside as u64 + 1);
             if self.work == 0 {
                 return None;
             }
         }
-        Some(moves)
+        None
+    }
+
+    /// The cell before an end.
+    fn mouth(&self, end: u32) -> Vertex {
+        self.links[end as usize / 2].mouths[end as usize % 2]
+    }
+
+    /// The search has found a way to an end.
+    fn reach(&mut self, end: u32, far: u64, target: Vertex, enters: bool, queue: &mut Queue) {
+        let at = end as usize;
+        if self.seen[at] != self.search || far < self.moves[at] {
+            self.seen[at] = self.search;
+            self.moves[at] = far;
+            let left = self.graph.manhattan(self.mouth(end), target);
+            queue.push(Reverse((far + u64::from(left), far, end, enters)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetyard_plugin_spacetime::random::Random;
+
+    use super::*;
+
+    fn graph(map: &[&str]) -> Graph {
+        let passable: Vec<bool> = map.concat().bytes().map(|cell| cell == b'.').collect();
+        Graph::new(map.len(), map[0].len(), &passable)
+    }
+
+    fn doors(graph: &Graph) -> Doors {
+        Doors::new(graph, &Passage::all(graph), |_, _| true)
+    }
+
+    #[test]
+    fn doors_beside_each_other_lead_opposite_ways() {
+        // Three doors between two rooms; a fourth leads to a room that has no other.
+        let map = graph(&[
+            "...@...@...",
+            ".......@...",
+            "...@...@...",
+            "...@...@...",
+            "...........",
+            "...@...@...",
+            "...@...@...",
+            ".......@...",
+            "...@...@...",
+        ]);
+        let doors = doors(&map);
+        let leads = |row: u32, col: u32, d: usize| {
+            let v = map.vertex(row * 11 + col).unwrap();
+            (doors.leads(v, d), doors.is_barred(v, (d + 2) % 4))
+        };
+        let (east, west) = (1, 3);
+        let through = |row| (leads(row, 3, east), leads(row, 3, west));
+        let (along, against) = ((true, true), (false, false));
+        let one_way = [(along, against), (against, along)];
+        assert!([1, 4, 7].iter().all(|row| one_way.contains(&through(*row))));
+        assert_ne!(through(1), through(4));
+        // Doors that hold the town together stay open.
+        assert_eq!(leads(4, 7, east), against);
+        assert_eq!(leads(4, 7, west), against);
+    }
+
+    /// Robbins's theorem: where there was a way before there is one along doors, and all of it is work
+    /// in proportion to the map.
+    #[test]
+    fn every_place_stays_in_reach_on_any_map() {
+        let mut directed = 0;
+        for seed in 0..40 {
+            let mut random = Random::new(seed, 0);
+            let passable: Vec<bool> = (0..900).map(|_| random.below(10) >= 3).collect();
+            let map = Graph::new(30, 30, &passable);
+            let doors = doors(&map);
+            let all = Digraph::new(&map, |_, _| true).components();
+            let along = Digraph::new(&map, |v, d| !doors.is_barred(v, d)).components();
+            let barred = |v: Vertex| (0..4).any(|d| doors.is_barred(v, d));
+            directed += (0..map.len() as Vertex).filter(|v| barred(*v)).count();
+            for v in 0..map.len() {
+                for u in 0..v {
+                    assert_eq!(
+                        all[u] == all[v],
+                        along[u] == along[v],
+                        "seed {seed}: {u}, {v}"
+                    );
+                }
+            }
+        }
+        assert!(directed > 100, "{directed}");
     }
 }

@@ -12,9 +12,10 @@
 //! "Algorithm 360: shortest-path forest with topological ordering", CACM 1969), and entries are
 //! allocated in pages as the search reaches them.
 
-use std::sync::atomic::{AtomicU16, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU16, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use fleetyard_abi::monotonic_ns;
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 
 /// The number of a move.
@@ -33,6 +34,8 @@ const DETOURS: u64 = 48;
 /// Bytes of a table at the beginning, and of each move, with the edge of the search.
 const BASE: u64 = 4096;
 const EACH: u64 = 3;
+/// Moves that a search settles between two looks at the clock.
+const PATIENCE: u32 = 256;
 /// From where the goal is out of reach.
 pub const FAR: u32 = u16::MAX as u32;
 
@@ -132,17 +135,19 @@ impl Moves {
             least,
             most,
             turn,
+            until_ns: AtomicU64::new(u64::MAX),
         }
     }
 }
 
-/// Costs of moves, at least 1 each, and of turns.
+/// Costs of moves, at least 1 each, and of turns; and the time for which searches may go on.
 #[derive(Debug)]
 pub struct Tolls {
     costs: Box<[u16]>,
     least: u32,
     most: u32,
     turn: u32,
+    until_ns: AtomicU64,
 }
 
 impl Tolls {
@@ -155,6 +160,17 @@ impl Tolls {
     /// The cost of a turn by 90°.
     pub fn turn(&self) -> u32 {
         self.turn
+    }
+
+    /// Searches end at this instant, by the monotonic clock: until others are allowed, costs that nobody has
+    /// asked for are then what they are at least. At first searches go on for as long as they take.
+    pub fn search_until(&self, until_ns: u64) {
+        self.until_ns.store(until_ns, Ordering::Relaxed);
+    }
+
+    fn is_late(&self) -> bool {
+        let until_ns = self.until_ns.load(Ordering::Relaxed);
+        until_ns < u64::MAX && monotonic_ns() >= until_ns
     }
 }
 
@@ -357,14 +373,22 @@ impl Ways {
         settled.unwrap_or_else(|| self.resume(moves, number, tolls))
     }
 
-    /// Goes on with the search until a move is settled.
+    /// Goes on with the search until a move is settled, or until there is no more time: then its cost is
+    /// what it is at least.
     #[cold]
     fn resume(&self, moves: &Moves, wanted: Move, tolls: &Tolls) -> u32 {
         let mut search = self.search();
         let mut level = self.level.load(Ordering::Relaxed);
         let at_of = |number: Move| moves.before_at[number as usize] as usize;
         let mut rest = self.settled(wanted);
+        let mut popped: u32 = 0;
         while rest.is_none() && search.waiting > 0 {
+            if popped.is_multiple_of(PATIENCE) && tolls.is_late() {
+                self.level.store(level, Ordering::Release);
+                let least = level.saturating_sub(self.bound(moves, wanted, tolls));
+                return least.min(FAR - 1);
+            }
+            popped += 1;
             let Some(number) = search.pop(level) else {
                 level += 1;
                 continue;

@@ -5,8 +5,9 @@
 use std::sync::Arc;
 
 use fleetyard_abi::{GridEnvironment, GridPlan, Heading, Instance, Motion};
-use fleetyard_plugin_mapf::epibt::run::{End, Query, Watch, run};
-use fleetyard_plugin_mapf::streets::{Journeys, Streets, Turning};
+use fleetyard_plugin_mapf::Watch;
+use fleetyard_plugin_mapf::epibt::run::{End, Query, run};
+use fleetyard_plugin_mapf::streets::{Journeys, Streets, Survey, Turning};
 use fleetyard_plugin_mapf::wppl;
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
@@ -18,7 +19,10 @@ impl Watch for Patient {
     fn stop(&mut self) -> bool {
         false
     }
-    fn begin(&mut self, _: u32) {}
+    fn begin(&mut self, _: u32) -> bool {
+        true
+    }
+    fn ready(&mut self) {}
     fn pause(&mut self) -> bool {
         false
     }
@@ -31,7 +35,10 @@ impl Watch for Hasty {
     fn stop(&mut self) -> bool {
         true
     }
-    fn begin(&mut self, _: u32) {}
+    fn begin(&mut self, _: u32) -> bool {
+        false
+    }
+    fn ready(&mut self) {}
     fn pause(&mut self) -> bool {
         true
     }
@@ -91,7 +98,7 @@ impl Floor {
         let case = Case { map, instance };
         let mut floor = Self {
             case: if turning { case.turning() } else { case },
-            streets: Streets::new(&graph, charge, 1.0, 1 << 30),
+            streets: Survey::new(&graph, charge, 1.0, 1 << 30).finish(),
             graph,
             free,
             given: vec![0; agents],
@@ -109,7 +116,7 @@ impl Floor {
 
     /// With so many bytes for tables.
     pub(crate) fn within(mut self, bytes: u64) -> Self {
-        self.streets = Streets::new(&self.graph, 0, 1.0, bytes);
+        self.streets = Survey::new(&self.graph, 0, 1.0, bytes).finish();
         self
     }
 
@@ -134,6 +141,7 @@ impl Floor {
             traffic: None,
             tasks: None,
             threads: manner.threads,
+            until_ns: u64::MAX,
             guidance: None,
         };
         let mut streets = self.streets.ranking(journeys, &mut || watch.pause());

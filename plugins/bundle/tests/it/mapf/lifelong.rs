@@ -9,7 +9,7 @@ use fleetyard_abi::{
 };
 use fleetyard_plugin_mapf::ProblemError;
 use fleetyard_plugin_mapf::lifelong::{ByDistance, End, Lifelong, Place, Query, Ranking};
-use fleetyard_plugin_mapf::streets::{Journeys, Streets, Turning};
+use fleetyard_plugin_mapf::streets::{Journeys, Streets, Survey, Turning};
 use fleetyard_plugin_spacetime::graph::Graph;
 use fleetyard_testkit::{Case, grid};
 use proptest::prelude::*;
@@ -45,6 +45,7 @@ fn journeys<'a>(starts: &'a [u32], goals: &'a Goals) -> Journeys<'a> {
         traffic: None,
         tasks: None,
         threads: 1,
+        until_ns: u64::MAX,
         guidance: None,
     }
 }
@@ -116,8 +117,11 @@ fn drive(
     cells.truncate(agents);
     let (mut next, mut since) = (vec![0_u32; agents], vec![0_u32; agents]);
     let mut planner = lifelong(map);
-    let streets_of =
-        |planner: &Lifelong| Streets::new(planner.graph(), charge, 1.0, 1 << 24).with_signals();
+    let streets_of = |planner: &Lifelong| {
+        Survey::new(planner.graph(), charge, 1.0, 1 << 24)
+            .with_signals()
+            .finish()
+    };
     let mut streets = streets_of(&planner);
     let (mut reached, mut longest) = (0, 0);
     for call in 0..calls {
@@ -400,7 +404,7 @@ fn a_lane_is_worth_a_way_round() {
         plan.path(0).iter().position(|cell| *cell == 0)
     };
     assert_eq!(way(&run(&mut planner, &query).0), Some(5));
-    let mut streets = Streets::new(planner.graph(), 2, 1.0, 1 << 24);
+    let mut streets = Survey::new(planner.graph(), 2, 1.0, 1 << 24).finish();
     // Without time for tables everybody goes by distance.
     for (stopped, length) in [(true, 5), (false, 7)] {
         let mut by_street = streets.ranking(journeys(&starts, &goals), &mut || stopped);
@@ -408,7 +412,7 @@ fn a_lane_is_worth_a_way_round() {
         assert_eq!(way(&run.unwrap().0), Some(length));
     }
     // Where there is room for the ways of the nearest only, the furthest goes by distance.
-    let mut streets = Streets::new(planner.graph(), 2, 1.0, 10_000);
+    let mut streets = Survey::new(planner.graph(), 2, 1.0, 10_000).finish();
     let lists = [vec![0], vec![7]];
     let goals = grid::goals(&lists);
     let mut by_street = streets.ranking(journeys(&starts, &goals), &mut || false);
@@ -438,7 +442,7 @@ fn tables_keep_to_their_share_of_memory() {
     let (starts, ends) = (pick(1), pick(2));
     let goals = grid::goals(&ends.iter().map(|&end| vec![end]).collect::<Vec<_>>());
     for bytes in [1 << 20, 1 << 22, 1 << 24] {
-        let mut streets = Streets::new(planner.graph(), 4, 1.0, bytes);
+        let mut streets = Survey::new(planner.graph(), 4, 1.0, bytes).finish();
         for _ in 0..3 {
             drop(streets.ranking(journeys(&starts, &goals), &mut || false));
             let taken = streets.bytes();
@@ -470,7 +474,9 @@ fn a_door_is_open_in_one_direction_at_a_time() {
         vec![27],
     ]);
     let planner = lifelong(&map);
-    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24).with_signals();
+    let mut streets = Survey::new(planner.graph(), 4, 1.0, 1 << 24)
+        .with_signals()
+        .finish();
     let snapshot = |number| Snapshot {
         number,
         waiting: vec![0; 45],
@@ -531,7 +537,9 @@ fn a_crowd_is_held_back_from_a_door() {
         given_s,
     };
     let planner = lifelong(&map);
-    let mut streets = Streets::new(planner.graph(), 4, 1.0, 1 << 24).with_signals();
+    let mut streets = Survey::new(planner.graph(), 4, 1.0, 1 << 24)
+        .with_signals()
+        .finish();
     let mut through = |tasks: Option<&GoalTasks>| {
         let journeys = Journeys {
             tasks,
@@ -594,7 +602,7 @@ fn averages_count_by_what_is_in_them() {
             .unwrap()
             .0
     };
-    let streets = || Streets::new(planner.graph(), 4, 1.0, 1 << 24);
+    let streets = || Survey::new(planner.graph(), 4, 1.0, 1 << 24).finish();
     let fresh = plan(&mut streets(), &crowded);
     let mut used = streets();
     assert_ne!(plan(&mut used, &[0; 64]), fresh, "crowds are gone round");
@@ -605,7 +613,7 @@ fn averages_count_by_what_is_in_them() {
 fn guidance_leads_along_cheap_moves_and_keeps_others_allowed() {
     let map = open(5);
     let (starts, goals) = ([0], grid::goals(&[vec![4]]));
-    let mut streets = Streets::new(lifelong(&map).graph(), 0, 1.0, 1 << 24);
+    let mut streets = Survey::new(lifelong(&map).graph(), 0, 1.0, 1 << 24).finish();
     let mut plan = |guidance: Option<&Guidance>| {
         let journeys = Journeys {
             guidance,
@@ -632,7 +640,7 @@ fn guidance_leads_along_cheap_moves_and_keeps_others_allowed() {
     assert_eq!(plan(Some(&guidance)), plan(None));
     // The only way is dear, and allowed.
     let corridor = GridEnvironment::four_connected(1, 5, vec![1; 5]);
-    let mut streets = Streets::new(lifelong(&corridor).graph(), 0, 1.0, 1 << 24);
+    let mut streets = Survey::new(lifelong(&corridor).graph(), 0, 1.0, 1 << 24).finish();
     let mut guidance = Guidance::neutral(20, 5);
     guidance
         .moves
@@ -701,7 +709,7 @@ fn a_turn_costs_what_it_costs_the_robot() {
     // Limits that are none make no turn endless.
     let stuck = robot("unicycle-2", &[9.0, 9.0, 9.0, 0.0, 0.0], &[0.0, 0.0]);
     let graph = Arc::clone(lifelong(&open(3)).graph());
-    let mut streets = Streets::new(&graph, 4, 1.0, 1 << 24);
+    let mut streets = Survey::new(&graph, 4, 1.0, 1 << 24).finish();
     let goals = grid::goals(&[vec![8]]);
     let journeys = Journeys {
         turning: Turning::of(&stuck),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetyard_plugin_mapf::streets::Streets;
+use fleetyard_plugin_mapf::streets::Survey;
 use fleetyard_plugin_mapf::streets::ways::{FAR, Moves, Ways, quarters};
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::lanes::Lanes;
@@ -124,7 +124,7 @@ fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
             .collect();
         let graph = Arc::new(Graph::new(rows, cols, &passable));
         let lanes = Lanes::new(&graph, 4);
-        let streets = Streets::new(&graph, 4, 1.0, 1 << 20);
+        let streets = Survey::new(&graph, 4, 1.0, 1 << 20).finish();
         for v in 0..graph.len() as Vertex {
             for d in (0..DIRECTIONS).filter(|d| graph.around(v)[*d] != graph.wall()) {
                 by_lanes += usize::from(lanes.is_barred(v, d));
@@ -144,7 +144,7 @@ fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
 fn ways_out(map: &[&str]) -> Vec<String> {
     let passable: Vec<bool> = map.concat().bytes().map(|cell| cell == b'.').collect();
     let graph = Arc::new(Graph::new(map.len(), map[0].len(), &passable));
-    let streets = Streets::new(&graph, 4, 1.0, 1 << 20);
+    let streets = Survey::new(&graph, 4, 1.0, 1 << 20).finish();
     let from = |cell| {
         let v = graph.vertex(cell as u32)?;
         let may = (0..DIRECTIONS).filter(|d| streets.may(v, *d));
