@@ -50,6 +50,8 @@ class Faulty:
             os.kill(os.getpid(), signal.SIGSEGV)
         if fault == "late":
             time.sleep(60)
+        if fault == "tardy":
+            time.sleep(0.4)
         if fault == "fails":
             raise fleetyard.Failure("failed as asked")
         return fault
@@ -87,6 +89,7 @@ class Planner(Faulty, fleetyard.Planner):
     options_schema = schema(
         "crash",
         "late",
+        "tardy",
         "fails",
         "gives-up",
         "nonsense",

@@ -26,6 +26,7 @@ fn run(more: &str) -> Vec<String> {
         ("--agents", "6"),
         ("--duration", "12s"),
         ("--limit", "300ms"),
+        ("--grace", "0s"),
         ("--planner", &plugin),
         ("--generator", &plugin),
         ("--invocation", &plugin),
@@ -683,6 +684,25 @@ fn where_the_planner_fails_the_fail_policy_takes_over() {
         let invalid = if kind == "invalid-batch" { count } else { 0 };
         assert_eq!(metric(&outcome, "invalid_batches"), invalid);
     });
+}
+
+/// Whoever is late once may need what it has made in the next call: it is not killed for it. Who hangs is
+/// waited for twice, and then no more.
+#[test]
+fn a_late_planner_keeps_its_process_and_a_planner_that_hangs_is_not_waited_for() {
+    let outcome = short("--option fault=tardy --option every=3 --grace 20s");
+    let late = &outcome["metrics"]["late"];
+    assert_eq!(late["calls"], metric(&outcome, "fail_calls"), "{outcome}");
+    assert!(late["calls"].as_u64().unwrap() >= 3, "{outcome}");
+    assert!(late["limit_s"].as_f64().unwrap() > 0.3, "{late}");
+    assert_eq!(metric(&outcome, "restarts"), 0, "{outcome}");
+    let told = event(&outcome, "planner-fault");
+    assert_eq!(told["message"], "answered after its limit of 0.3 s");
+    let outcome = short("--option fault=late --grace 500ms --duration 6s");
+    let times = &outcome["metrics"]["planner_time_ms"];
+    assert!(metric(&outcome, "planner_calls") >= 4, "{outcome}");
+    assert!(times["max"].as_f64().unwrap() >= 790.0, "{times}");
+    assert!(times["p50"].as_f64().unwrap() < 790.0, "{times}");
 }
 
 #[test]

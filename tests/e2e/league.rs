@@ -121,7 +121,7 @@ fn an_invalid_answer_makes_everybody_wait_for_a_step() {
         assert_eq!(outcome["metrics"]["event_counts"][event], 6, "{fault}");
     }
     // One that is late, too.
-    let late = format!("{} --duration 7s --limit 300ms", more("late"));
+    let late = format!("{} --duration 7s --limit 300ms --grace 0s", more("late"));
     assert_eq!(counts(&outcome(&corridor(), &late)), [7, 0, 1, 2]);
 }
 

@@ -10,6 +10,7 @@ use fleetyard_abi::{
     monotonic_ns,
 };
 use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph};
+use fleetyard_plugin_spacetime::lanes::Lanes;
 use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{ProblemError, graph_of};
 use schemars::JsonSchema;
@@ -203,10 +204,10 @@ pub struct EpibtOptions {
     /// Without a window: give up when not everybody has arrived after so many steps.
     #[schemars(range(min = 1))]
     step_limit: u64,
-    /// Charge of a move against the lanes of the map, in steps: its streets lead east and west in
-    /// turn, and south and north. 0 for no lanes.
+    /// In windows, charge of a move against the lanes of the map, in steps: its streets lead east and
+    /// west in turn, and south and north. 0 for no lanes; `null` for 4 where streets are long, and else 0.
     #[schemars(range(max = 100))]
-    lane_charge: u16,
+    lane_charge: Option<u16>,
 }
 
 impl Default for EpibtOptions {
@@ -215,7 +216,7 @@ impl Default for EpibtOptions {
             horizon: None,
             tries: Some(TRIES),
             step_limit: MOVING_STEPS,
-            lane_charge: LANE_CHARGE,
+            lane_charge: None,
         }
     }
 }
@@ -348,9 +349,21 @@ pub struct Block {
 }
 
 impl Block {
-    fn learn(grid: &GridEnvironment, budget: &Budget, lane_charge: u16) -> Result<Self, Failure> {
+    fn learn(
+        grid: &GridEnvironment,
+        budget: &Budget,
+        lane_charge: Option<u16>,
+    ) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid)?);
         let bytes = half_of_memory(budget);
+        let usual = || {
+            if Lanes::are_worth(&graph) {
+                LANE_CHARGE
+            } else {
+                0
+            }
+        };
+        let lane_charge = lane_charge.unwrap_or_else(usual);
         Ok(Self {
             streets: Survey::new(&graph, lane_charge.into(), grid.step_s, bytes),
             plain: None,

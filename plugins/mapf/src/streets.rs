@@ -632,7 +632,8 @@ impl ByStreet<'_> {
     }
 
     /// The distances from some cells to the goal of an agent after so many that it has visited, without
-    /// what streets, turns and crowds cost; `None` where there is room for all that, or for neither.
+    /// what streets, turns and crowds cost; `None` where there is room for all that, or for neither, or no
+    /// time.
     pub(crate) fn distances(
         &mut self,
         agent: usize,
@@ -651,8 +652,11 @@ impl ByStreet<'_> {
         } = &mut *self.streets;
         let goal = graph.vertex(goal)?;
         let bytes = tables.limit() / 2;
+        let late = &mut || self.tolls[0].1.is_late();
         let gradients = gradients.get_or_insert_with(|| Gradients::new(graph, bytes));
-        if gradients.expect(graph, self.wanting, bytes, &mut || false) != Expected::Ready {
+        if gradients.expect(graph, self.wanting, bytes, late) != Expected::Ready
+            || late() && !gradients.is_kept(goal)
+        {
             return None;
         }
         let row = gradients.hold(graph, goal);

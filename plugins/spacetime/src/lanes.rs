@@ -23,6 +23,11 @@ use crate::graph::{DIRECTIONS, Graph, Vertex};
 /// most: of the columns of a warehouse the aisles, and not those through the shelves.
 const QUARTERS: usize = 3;
 
+/// Cells of a straight way on which a cell lies on average where streets are long. Measured with EPIBT
+/// and WPPL: lanes cost goals up to 17 (rooms of 16 cells, a tenth of the cells blocked), and make
+/// goals from 23 on (warehouses, towns, caves).
+const LONG: u64 = 20;
+
 /// The lanes of a map, and what moves against them are charged.
 #[derive(Debug, Clone)]
 pub struct Lanes {
@@ -81,6 +86,27 @@ impl Lanes {
             barred,
             charge,
         }
+    }
+
+    /// True for maps with long streets, on which lanes are worth their detours: a cell lies on a straight way
+    /// of [`LONG`] cells and more on average, along rows or along columns. Between scattered obstacles agents
+    /// get round one another, and lanes are in their way.
+    pub fn are_worth(graph: &Graph) -> bool {
+        [1, 2].into_iter().any(|d| {
+            let back = (d + 2) % DIRECTIONS;
+            let first =
+                (0..graph.len() as Vertex).filter(|v| graph.around(*v)[back] == graph.wall());
+            let squares = first.map(|v| {
+                let mut cells: u64 = 1;
+                let mut at = graph.around(v)[d];
+                while at != graph.wall() {
+                    cells += 1;
+                    at = graph.around(at)[d];
+                }
+                cells * cells
+            });
+            squares.sum::<u64>() >= LONG * graph.len() as u64
+        })
     }
 
     /// True if the move from `v` in direction `d` is against a lane within a part of the map where

@@ -6,7 +6,7 @@ use fleetyard_plugin_spacetime::plugin::{Call, Method};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Block, Clock, LANE_CHARGE, MOVING_STEPS, answer, epibt, first_query, turns};
+use super::{Block, Clock, MOVING_STEPS, answer, epibt, first_query, turns};
 use crate::wppl::{MOST_STEPS, Query, run};
 
 /// Steps that are planned at least.
@@ -28,10 +28,10 @@ pub struct WpplOptions {
     /// Without a window: give up when not everybody has arrived after so many steps.
     #[schemars(range(min = 1))]
     step_limit: u64,
-    /// Charge of a move against the lanes of the map, in steps: its streets lead east and west in
-    /// turn, and south and north. 0 for no lanes.
+    /// In windows, charge of a move against the lanes of the map, in steps: its streets lead east and
+    /// west in turn, and south and north. 0 for no lanes; `null` for 4 where streets are long, and else 0.
     #[schemars(range(max = 100))]
-    lane_charge: u16,
+    lane_charge: Option<u16>,
 }
 
 impl Default for WpplOptions {
@@ -40,7 +40,7 @@ impl Default for WpplOptions {
             depth: DEPTH,
             tries: Some(TRIES),
             step_limit: MOVING_STEPS,
-            lane_charge: LANE_CHARGE,
+            lane_charge: None,
         }
     }
 }

@@ -168,7 +168,8 @@ impl Tolls {
         self.until_ns.store(until_ns, Ordering::Relaxed);
     }
 
-    fn is_late(&self) -> bool {
+    /// True once that is over.
+    pub fn is_late(&self) -> bool {
         let until_ns = self.until_ns.load(Ordering::Relaxed);
         until_ns < u64::MAX && monotonic_ns() >= until_ns
     }

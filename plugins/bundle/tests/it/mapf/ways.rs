@@ -140,6 +140,31 @@ fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
     assert!(by_lanes > 1000 && by_doors > 50, "{by_lanes}, {by_doors}");
 }
 
+/// Where there is no time for a search, costs are what they are at least; and what they are once there is.
+#[test]
+fn without_time_costs_are_what_they_are_at_least() {
+    let mut random = Random::new(9, 0);
+    let passable: Vec<bool> = (0..900).map(|_| !random.one_in(5)).collect();
+    let graph = Graph::new(30, 30, &passable);
+    let moves = Moves::new(&graph, |_, _| true);
+    let tolls = moves.tolls(7, |v, _| 4 + v % 3);
+    let (goal, far) = (5, graph.len() as Vertex - 9);
+    let exact = Ways::new(&graph, &moves, goal, far, &tolls);
+    let hasty = Ways::new(&graph, &moves, goal, far, &tolls);
+    let (mut less, mut same) = (0, 0);
+    for v in (0..graph.len() as Vertex).rev() {
+        tolls.search_until(u64::MAX);
+        let cost = exact.from(&moves, v, Some(1), &tolls);
+        tolls.search_until(if v % 7 == 0 { u64::MAX } else { 0 });
+        let least = hasty.from(&moves, v, Some(1), &tolls);
+        assert!(least <= cost, "{v}: {least} > {cost}");
+        assert!(v % 7 > 0 || least == cost, "{v}: {least} != {cost}");
+        less += u32::from(least < cost);
+        same += u32::from(least == cost);
+    }
+    assert!(less > 50 && same > 50, "{less}, {same}");
+}
+
 /// The directions in which one may go from each cell of a map.
 fn ways_out(map: &[&str]) -> Vec<String> {
     let passable: Vec<bool> = map.concat().bytes().map(|cell| cell == b'.').collect();
