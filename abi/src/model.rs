@@ -435,9 +435,10 @@ code_enum! {
         Solved = STATUS_SOLVED, "solved";
         /// The instance has no solution, and the planner proved it.
         Infeasible = STATUS_INFEASIBLE, "infeasible";
-        /// The budget ran out: the deadline or the node limit was reached.
+        /// The time of the budget ran out.
         TimedOut = STATUS_TIMED_OUT, "timed-out";
-        /// The planner stopped trying without a proof.
+        /// The planner stopped trying without a proof: a limit of nodes or memory was reached, or
+        /// nothing was left to try.
         GaveUp = STATUS_GAVE_UP, "gave-up";
         /// The planner stopped before the deadline because it was asked to.
         Cancelled = STATUS_CANCELLED, "cancelled";

@@ -11,6 +11,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use fleetyard_abi::leftovers::Leftover;
+
 use crate::graph::{DIRECTIONS, Graph, Vertex};
 use crate::lanes::Lanes;
 use crate::sipp::{Guidance, Team};
@@ -26,9 +28,9 @@ const WALL: u16 = u16::MAX;
 pub struct Distances<'g> {
     graph: &'g Graph,
     /// Distance plus one, zero where unknown; `stride` entries per agent.
-    table: Vec<u16>,
+    table: Leftover<Vec<u16>>,
     stride: usize,
-    searches: Vec<Search>,
+    searches: Leftover<Vec<Search>>,
     /// Buffer for the level under construction.
     spare: Vec<Vertex>,
 }
@@ -56,9 +58,9 @@ impl<'g> Distances<'g> {
         }
         Self {
             graph,
-            table,
+            table: Leftover::new(table),
             stride,
-            searches,
+            searches: Leftover::new(searches),
             spare: Vec::new(),
         }
     }
@@ -131,7 +133,7 @@ impl<'g> Distances<'g> {
         let next = &mut self.spare;
         next.clear();
         for &v in &search.frontier {
-            for &u in self.graph.around(v) {
+            for &u in self.graph.sources(v) {
                 let entry = &mut row[u as usize];
                 if *entry == 0 {
                     *entry = mark;
@@ -236,7 +238,7 @@ impl Table {
                 let (v, heading) = (state >> shift, state & (headings - 1));
                 if turning {
                     // Whoever looks this way here has come from behind, or has turned.
-                    let behind = graph.around(v)[(heading as usize + 2) % DIRECTIONS];
+                    let behind = graph.sources(v)[(heading as usize + 2) % DIRECTIONS];
                     if behind != graph.wall() {
                         let charge = charge(behind, heading as usize);
                         reach((behind << shift) + heading, charge);
@@ -244,7 +246,7 @@ impl Table {
                     reach((v << shift) + (heading + 1) % 4, 0);
                     reach((v << shift) + (heading + 3) % 4, 0);
                 } else {
-                    for (back, &u) in graph.around(v).iter().enumerate() {
+                    for (back, &u) in graph.sources(v).iter().enumerate() {
                         if u != graph.wall() {
                             reach(u, charge(u, (back + 2) % DIRECTIONS));
                         }

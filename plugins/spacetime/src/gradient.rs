@@ -44,6 +44,9 @@ struct Row {
     goal: Vertex,
     codes: Box<[u8]>,
     milestones: Box<[u32]>,
+    /// All distances, where streets are one-way: those of neighbours differ by more than one then, and
+    /// codes do not tell which is nearer. Empty elsewhere.
+    distances: Box<[u32]>,
     /// The edge of the search: all vertices at distance `level`.
     frontier: Vec<Vertex>,
     level: u32,
@@ -83,6 +86,9 @@ impl Row {
         if (v as usize).is_multiple_of(MILESTONE) {
             self.milestones[v as usize / MILESTONE] = distance;
         }
+        if let Some(entry) = self.distances.get_mut(v as usize) {
+            *entry = distance;
+        }
     }
 
     /// Carries the search on until it has met `v`. False when there is no way.
@@ -102,7 +108,7 @@ impl Row {
             let frontier = std::mem::take(&mut self.frontier);
             spare.clear();
             for &at in &frontier {
-                for &u in graph.around(at) {
+                for &u in graph.sources(at) {
                     if self.code(u) == UNKNOWN {
                         self.mark(u, code);
                         self.reach(u, level);
@@ -169,7 +175,7 @@ impl Gradients {
             return fits(labels.bytes());
         }
         let tables = Rows::bytes(graph).saturating_mul(goals as u64);
-        if self.labels.is_none() && tables > graph.len() as u64 * SHORTEST {
+        if self.labels.is_none() && !graph.is_directed() && tables > graph.len() as u64 * SHORTEST {
             self.labels = Some(Ok(Labels::new(graph)));
         }
         if let Some(Ok(labels)) = &mut self.labels
@@ -279,6 +285,8 @@ impl Rows {
     fn bytes(graph: &Graph) -> u64 {
         let vertices = graph.len() + 1;
         let codes = vertices.div_ceil(PER_BYTE);
+        let distances = if graph.is_directed() { vertices } else { 0 };
+        let codes = codes + distances * size_of::<u32>();
         (codes + vertices.div_ceil(MILESTONE) * size_of::<u32>() + size_of::<Row>()) as u64
     }
 
@@ -312,6 +320,7 @@ impl Rows {
             goal: 0,
             codes: vec![UNKNOWN; vertices.div_ceil(PER_BYTE)].into(),
             milestones: vec![0; vertices.div_ceil(MILESTONE)].into(),
+            distances: vec![0; if graph.is_directed() { vertices } else { 0 }].into(),
             frontier: Vec::new(),
             level: 0,
             holders: 0,
@@ -349,6 +358,9 @@ impl Rows {
         if !row.reaches(graph, v, &mut self.spare) {
             return None;
         }
+        if let Some(distance) = row.distances.get(v as usize) {
+            return Some(*distance);
+        }
         let (mut v, mut steps) = (v, 0);
         while !(v as usize).is_multiple_of(MILESTONE) && v != row.goal {
             let code = nearer(row.code(v));
@@ -376,10 +388,15 @@ impl Rows {
             return 0;
         }
         let (code, wall) = (nearer(row.code(v)), graph.wall());
+        let here = row.distances.get(v as usize).copied();
         let mut directions = 0;
         for d in 0..DIRECTIONS {
             let u = graph.around(v)[d];
-            directions |= u8::from(u != wall && row.code(u) == code) << d;
+            let mut leads = u != wall && row.code(u) == code;
+            if let Some(here) = here {
+                leads &= row.distances[u as usize] < here;
+            }
+            directions |= u8::from(leads) << d;
         }
         directions
     }
@@ -388,9 +405,15 @@ impl Rows {
     #[inline]
     fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
         let row = &mut self.kept[at as usize];
+        if !row.reaches(graph, a, &mut self.spare) {
+            return false;
+        }
         // If only one of two neighbours is known, it is the nearer one.
-        row.reaches(graph, a, &mut self.spare)
-            && matches!(row.code(b), code if code == UNKNOWN || code == further(row.code(a)))
+        match (row.code(b), row.distances.get(a as usize)) {
+            (UNKNOWN, _) => true,
+            (code, None) => code == further(row.code(a)),
+            (_, Some(distance)) => *distance < row.distances[b as usize],
+        }
     }
 }
 

@@ -128,7 +128,8 @@ pub enum GoalRule {
     Transient,
 }
 
-/// The graph of a grid. The host has checked that there is one entry for each cell.
+/// The graph of a grid, one-way streets and all. The host has checked that there is one entry for each
+/// cell.
 pub fn graph_of(grid: &GridEnvironment) -> Result<Graph, ProblemError> {
     let (rows, cols) = (grid.rows as usize, grid.cols as usize);
     if rows.checked_mul(cols) != Some(grid.passable.len())
@@ -138,7 +139,11 @@ pub fn graph_of(grid: &GridEnvironment) -> Result<Graph, ProblemError> {
         return Err(ProblemError::Malformed { reason });
     }
     let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
-    Ok(Graph::new(rows, cols, &passable))
+    Ok(if grid.is_plain() {
+        Graph::new(rows, cols, &passable)
+    } else {
+        Graph::with_moves(rows, cols, &passable, &grid.moves)
+    })
 }
 
 /// The vertex of a cell that an agent begins or ends at.
