@@ -251,7 +251,7 @@ pub struct Descriptor {
     #[serde(default)]
     pub options_schema: serde_json::Value,
     /// Names of what has no capability: `dynamics:NAME` for each model of robots that it plans
-    /// for, `part:ID` for each part that it reads.
+    /// for, `part:ID` for each part that it reads, `one-agent` where it plans for one agent alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<String>,
     /// Encoding of the paths that the host sends.
@@ -427,6 +427,10 @@ macro_rules! code_enum {
         }
     };
 }
+
+/// The feature of planners that plan for one agent at a time and no more: hosts need not offer them for
+/// teams.
+pub const ONE_AGENT: &str = "one-agent";
 
 code_enum! {
     /// The plugin's account of its call. A claim, never a verdict.

@@ -253,8 +253,8 @@ impl<P: sdk::Plugin, M> Held<P, M> {
 
 fn lacks(what: &str, kind: &str, name: &str) -> Failure {
     let reason = format!(
-        "the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: take one \
-         that does"
+        "the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: \
+         `fleetyard plugins list` names others, and `plugins info` what they claim"
     );
     Failure::new(Status::Unsupported, reason)
 }

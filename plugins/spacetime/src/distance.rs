@@ -190,6 +190,9 @@ impl Guidance for Towards<'_, '_> {
     }
 }
 
+/// States of a [`Table`] between two looks at the clock.
+const PATIENCE: usize = 1 << 14;
+
 /// Entry of a [`Table`] from where the goal cannot be reached.
 const UNREACHABLE: u16 = u16::MAX;
 
@@ -206,6 +209,18 @@ pub struct Table {
 impl Table {
     /// The table of a goal, for robots that turn or for pebbles.
     pub fn new(graph: &Graph, goal: Vertex, turning: bool, lanes: Option<&Lanes>) -> Self {
+        let table = Self::within(graph, goal, turning, lanes, &mut || false);
+        table.unwrap_or_else(|| unreachable!("nobody stops it"))
+    }
+
+    /// The same, unless `stop`, asked now and then, says so before it is made.
+    pub fn within(
+        graph: &Graph,
+        goal: Vertex,
+        turning: bool,
+        lanes: Option<&Lanes>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Self> {
         let shift = if turning { 2 } else { 0 };
         let mut steps = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
         let headings = 1 << shift;
@@ -220,10 +235,17 @@ impl Table {
             steps[state as usize] = 0;
         }
         let mut waiting = levels[0].len();
-        let mut distance = 0;
+        let (mut distance, mut unlooked) = (0, 0);
         while waiting > 0 {
             let mut level = std::mem::take(&mut levels[distance as usize % count]);
             waiting -= level.len();
+            unlooked += level.len();
+            if unlooked >= PATIENCE {
+                unlooked = 0;
+                if stop() {
+                    return None;
+                }
+            }
             // What is further than the largest distance is left unreachable.
             let mut reach = |state: u32, charge: u32| {
                 let entry = &mut steps[state as usize];
@@ -257,7 +279,7 @@ impl Table {
             levels[distance as usize % count] = level;
             distance += 1;
         }
-        Self { steps, shift }
+        Some(Self { steps, shift })
     }
 
     /// Bytes of a table.

@@ -420,7 +420,7 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::distance::Distances;
+    use crate::distance::{Distances, Table};
     use crate::random::Random;
 
     /// A map with a third of its cells blocked, so that some are cut off.
@@ -428,6 +428,17 @@ mod tests {
         let mut random = Random::new(seed, 0);
         let passable: Vec<bool> = (0..side * side).map(|_| !random.one_in(3)).collect();
         Graph::new(side, side, &passable)
+    }
+
+    /// A map of which a third of the moves are forbidden, each way by itself.
+    fn one_way(side: usize, seed: u64) -> Graph {
+        let mut random = Random::new(seed, 2);
+        let moves: Vec<u8> = (0..side * side)
+            .map(|_| (0..4).fold(0, |mask, d| mask | u8::from(!random.one_in(3)) << d))
+            .collect();
+        let graph = Graph::with_moves(side, side, &vec![true; side * side], &moves);
+        assert!(graph.is_directed());
+        graph
     }
 
     /// Questions in any order, with goals that come and go.
@@ -476,6 +487,45 @@ mod tests {
             let rows = gradients.rows;
             assert!(rows.kept.len() <= 9, "{}", rows.kept.len());
             assert!(rows.idle.len() <= 2 * rows.kept.len() + 1);
+        }
+    }
+
+    #[test]
+    fn distances_are_those_of_ways_along_one_way_streets() {
+        for seed in 0..20 {
+            let graph = one_way(9, seed);
+            let goal = Random::new(seed, 3).below(graph.len()) as Vertex;
+            let mut distances = Distances::new(&graph, &[goal]);
+            let table = Table::new(&graph, goal, false, None);
+            for start in 0..graph.len() as Vertex {
+                // Breadth first along the streets, from the start.
+                let mut steps = vec![u32::MAX; graph.len()];
+                steps[start as usize] = 0;
+                let mut queue = VecDeque::from([start]);
+                while let Some(v) = queue.pop_front() {
+                    for u in graph.neighbors(v) {
+                        if steps[u as usize] == u32::MAX {
+                            steps[u as usize] = steps[v as usize] + 1;
+                            queue.push_back(u);
+                        }
+                    }
+                }
+                let truth = steps[goal as usize];
+                assert_eq!(distances.get(0, start), truth);
+                assert_eq!(table.get(start, 0), truth.min(u32::from(u16::MAX)));
+            }
+        }
+    }
+
+    #[test]
+    fn tables_agree_with_searches_along_one_way_streets() {
+        for seed in 0..20 {
+            let graph = one_way(24, seed);
+            let mut gradients = Gradients::new(&graph, 3 * Rows::bytes(&graph));
+            let ready = gradients.expect(&graph, 10_000, u64::MAX, &mut || false);
+            assert_eq!(ready, Expected::Ready);
+            assert!(gradients.labels().is_none());
+            agrees(&graph, &mut gradients, &mut Random::new(seed, 1));
         }
     }
 

@@ -224,8 +224,8 @@ impl Ground {
         &self.graph
     }
 
-    /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked between
-    /// tables, ends the work early.
+    /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked often, ends
+    /// the work early.
     pub fn problem(
         &mut self,
         instance: &Instance,
@@ -275,9 +275,15 @@ impl Ground {
                 };
                 let key = (goal, turning, lanes.is_some());
                 let bytes = Table::bytes(&graph, turning);
-                let make = || Table::new(&graph, goal, turning, lanes.as_deref());
-                let table = self.tables.get(key, bytes, make);
-                let table = table.ok_or(memory)?;
+                let table = match self.tables.kept(key) {
+                    Some(table) => table,
+                    None => {
+                        let made =
+                            Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
+                        let made = made.ok_or(ProblemError::Stopped)?;
+                        self.tables.get(key, bytes, || made).ok_or(memory)?
+                    }
+                };
                 route.goals.push(goal);
                 route.tables.push(table);
                 if stop() {
