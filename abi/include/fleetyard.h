@@ -44,6 +44,10 @@
 #define FLEETYARD_KEEP_ID "fleetyard.keep/1"
 #define FLEETYARD_ANNOTATIONS_ID "fleetyard.annotations/1"
 
+/* Identifier for get_extension of a planner, fail policy or instance generator:
+ * FleetyardLeftovers. */
+#define FLEETYARD_LEFTOVERS_ID "fleetyard.leftovers/1"
+
 
 /*
  Major version of the ABI; host and plugin agree only when it is equal.
@@ -106,12 +110,13 @@
 #define FLEETYARD_STATUS_INFEASIBLE 1
 
 /*
- The budget ran out: the deadline or the node limit was reached.
+ The time of the budget ran out.
  */
 #define FLEETYARD_STATUS_TIMED_OUT 2
 
 /*
- The planner stopped trying without a proof.
+ The planner stopped trying without a proof: a limit of nodes or memory was reached, or nothing
+ was left to try.
  */
 #define FLEETYARD_STATUS_GAVE_UP 3
 
@@ -1670,6 +1675,32 @@ typedef struct FleetyardAnnotations {
    */
   int32_t (*annotate)(void *context, const struct FleetyardAnnotation *annotation);
 } FleetyardAnnotations;
+
+/*
+ Extension of a planner, a fail policy or an instance generator: memory that a call leaves to be
+ freed when it has been answered, so that it is answered sooner.
+ */
+typedef struct FleetyardLeftovers {
+  /*
+   `sizeof(FleetyardLeftovers)`.
+   */
+  uint32_t struct_size;
+  /*
+   Zero.
+   */
+  uint32_t reserved;
+  /*
+   `[one-at-a-time]`, with the object's context. Non-zero if there is some. Cheap: asked after
+   every call, on its thread.
+   */
+  int32_t (*any)(void *context);
+  /*
+   `[one-at-a-time]`, with the object's context. Frees it, on the thread of the call that left
+   it, when that has been answered. Where a host does not ask, the plugin frees it in its next
+   call or with the object.
+   */
+  void (*free)(void *context);
+} FleetyardLeftovers;
 
 /*
  Services of the host for the plugin. Valid from `init` to `deinit`.

@@ -69,6 +69,10 @@ pub const KEPT_LIMIT: u64 = 1 << 20;
 /// `FleetyardSink::get_extension` identifier of `FleetyardAnnotations`.
 pub const ANNOTATIONS_ID: &str = "fleetyard.annotations/1";
 
+/// `get_extension` identifier of `FleetyardLeftovers`, of planners, fail policies and instance
+/// generators.
+pub const LEFTOVERS_ID: &str = "fleetyard.leftovers/1";
+
 /// Success, for functions that return a result code.
 pub const OK: i32 = 0;
 /// The submitted data are malformed: the call is lost.
@@ -82,9 +86,10 @@ pub const BUSY: i32 = -3;
 pub const STATUS_SOLVED: i32 = 0;
 /// The instance has no solution, and the planner proved it.
 pub const STATUS_INFEASIBLE: i32 = 1;
-/// The budget ran out: the deadline or the node limit was reached.
+/// The time of the budget ran out.
 pub const STATUS_TIMED_OUT: i32 = 2;
-/// The planner stopped trying without a proof.
+/// The planner stopped trying without a proof: a limit of nodes or memory was reached, or nothing
+/// was left to try.
 pub const STATUS_GAVE_UP: i32 = 3;
 /// The planner stopped before the deadline because `cancelled` returned non-zero.
 pub const STATUS_CANCELLED: i32 = 4;
@@ -999,6 +1004,25 @@ pub struct Annotations {
     /// `submit_plan`: `FLEETYARD_BUSY` when the host keeps no more of them, which may be ignored.
     pub annotate:
         Option<unsafe extern "C" fn(context: *mut c_void, annotation: *const Annotation) -> i32>,
+}
+
+/// Extension of a planner, a fail policy or an instance generator: memory that a call leaves to be
+/// freed when it has been answered, so that it is answered sooner.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "layout", derive(StableAbi))]
+pub struct Leftovers {
+    /// `sizeof(FleetyardLeftovers)`.
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// `[one-at-a-time]`, with the object's context. Non-zero if there is some. Cheap: asked after
+    /// every call, on its thread.
+    pub any: Option<unsafe extern "C" fn(context: *mut c_void) -> i32>,
+    /// `[one-at-a-time]`, with the object's context. Frees it, on the thread of the call that left
+    /// it, when that has been answered. Where a host does not ask, the plugin frees it in its next
+    /// call or with the object.
+    pub free: Option<unsafe extern "C" fn(context: *mut c_void)>,
 }
 
 /// Services of the host for the plugin. Valid from `init` to `deinit`.

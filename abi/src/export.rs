@@ -4,6 +4,7 @@
 
 use std::any::Any;
 use std::ffi::c_void;
+use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 use std::sync::{Arc, OnceLock};
@@ -151,7 +152,7 @@ pub const fn entry<E: Export>() -> c::PluginEntry {
     }
 }
 
-struct Factories<E>(std::marker::PhantomData<E>);
+struct Factories<E>(PhantomData<E>);
 
 macro_rules! factory {
     ($factory:ident, $kind:ident, $count:ident, $descriptor:ident, $create:ident) => {
@@ -358,7 +359,7 @@ create_fn!(create_planner, Planner, Planner, |context| c::Planner {
     prepare: Some(prepare::<dyn Planner>),
     plan: Some(plan),
     destroy: Some(destroy::<dyn Planner>),
-    get_extension: None,
+    get_extension: Some(get_extension::<dyn Planner>),
 });
 create_fn!(create_fail_policy, FailPolicy, FailPolicy, |context| {
     c::FailPolicy {
@@ -368,7 +369,7 @@ create_fn!(create_fail_policy, FailPolicy, FailPolicy, |context| {
         prepare: Some(prepare::<dyn FailPolicy>),
         recover: Some(recover),
         destroy: Some(destroy::<dyn FailPolicy>),
-        get_extension: None,
+        get_extension: Some(get_extension::<dyn FailPolicy>),
     }
 });
 create_fn!(
@@ -383,7 +384,7 @@ create_fn!(
             prepare: Some(prepare::<dyn InstanceGenerator>),
             generate: Some(generate),
             destroy: Some(destroy::<dyn InstanceGenerator>),
-            get_extension: None,
+            get_extension: Some(get_extension::<dyn InstanceGenerator>),
         }
     }
 );
@@ -402,6 +403,41 @@ create_fn!(
         }
     }
 );
+
+/// The leftovers of a kind of object.
+struct LeftoversOf<T: ?Sized>(PhantomData<T>);
+
+impl<T: Prepare + ?Sized> LeftoversOf<T> {
+    const TABLE: &'static c::Leftovers = &c::Leftovers {
+        struct_size: size_of::<c::Leftovers>(),
+        reserved: 0,
+        any: Some(has_leftovers::<T>),
+        free: Some(free_leftovers::<T>),
+    };
+}
+
+unsafe extern "C" fn has_leftovers<T: Prepare + ?Sized>(context: *mut c_void) -> i32 {
+    // SAFETY: the host passes back the context.
+    unsafe { of::<T>(context) }.has_leftovers().into()
+}
+
+unsafe extern "C" fn free_leftovers<T: Prepare + ?Sized>(context: *mut c_void) {
+    // SAFETY: the host passes back the context.
+    let plugin = unsafe { of::<T>(context) };
+    // As in `destroy`.
+    let _ = catch_unwind(AssertUnwindSafe(|| plugin.free_leftovers()));
+}
+
+unsafe extern "C" fn get_extension<T: Prepare + ?Sized>(
+    _: *mut c_void,
+    id: c::Str,
+) -> *const c_void {
+    // SAFETY: the host's text lives through the call.
+    match unsafe { string(id) }.as_str() {
+        c::LEFTOVERS_ID => ptr::from_ref(LeftoversOf::<T>::TABLE).cast(),
+        _ => ptr::null(),
+    }
+}
 
 unsafe extern "C" fn prepare<T: Prepare + ?Sized>(
     context: *mut c_void,

@@ -85,6 +85,7 @@ const LAYOUTS: &[NamedLayout] = layouts![
     Keep,
     Annotation,
     Annotations,
+    Leftovers,
 ];
 
 /// The layouts as this build of the crate has them.

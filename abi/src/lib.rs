@@ -31,6 +31,7 @@ pub mod export;
 pub mod figures;
 #[cfg(feature = "layout")]
 pub mod layout;
+pub mod leftovers;
 mod lists;
 pub mod memory;
 mod model;

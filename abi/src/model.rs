@@ -251,7 +251,7 @@ pub struct Descriptor {
     #[serde(default)]
     pub options_schema: serde_json::Value,
     /// Names of what has no capability: `dynamics:NAME` for each model of robots that it plans
-    /// for, `part:ID` for each part that it reads.
+    /// for, `part:ID` for each part that it reads, `one-agent` where it plans for one agent alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<String>,
     /// Encoding of the paths that the host sends.
@@ -428,6 +428,10 @@ macro_rules! code_enum {
     };
 }
 
+/// The feature of planners that plan for one agent at a time and no more: hosts need not offer them for
+/// teams.
+pub const ONE_AGENT: &str = "one-agent";
+
 code_enum! {
     /// The plugin's account of its call. A claim, never a verdict.
     Status {
@@ -435,9 +439,10 @@ code_enum! {
         Solved = STATUS_SOLVED, "solved";
         /// The instance has no solution, and the planner proved it.
         Infeasible = STATUS_INFEASIBLE, "infeasible";
-        /// The budget ran out: the deadline or the node limit was reached.
+        /// The time of the budget ran out.
         TimedOut = STATUS_TIMED_OUT, "timed-out";
-        /// The planner stopped trying without a proof.
+        /// The planner stopped trying without a proof: a limit of nodes or memory was reached, or
+        /// nothing was left to try.
         GaveUp = STATUS_GAVE_UP, "gave-up";
         /// The planner stopped before the deadline because it was asked to.
         Cancelled = STATUS_CANCELLED, "cancelled";

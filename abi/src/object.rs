@@ -8,6 +8,7 @@
 
 use std::fmt;
 
+use crate::leftovers;
 use crate::model::{
     Budget, Capabilities, Capability, Descriptor, FleetState, FleetStatus, Instance, Kind,
     SharedEnvironment, Status, critical,
@@ -17,6 +18,15 @@ use crate::sdk::{self, Failure, Sink};
 
 /// Learns maps.
 pub trait Prepare: Send {
+    /// True if the last calls have left memory that is yet to be [freed](Self::free_leftovers).
+    fn has_leftovers(&self) -> bool {
+        false
+    }
+
+    /// Frees memory that calls have left so that they were answered sooner. From the thread of these
+    /// calls, when they have been answered; the next call does it otherwise, in its own time.
+    fn free_leftovers(&mut self) {}
+
     /// Learns a map, within a budget of its own.
     fn prepare(
         &mut self,
@@ -103,12 +113,31 @@ impl Object {
         budget: &Budget,
         sink: &dyn Sink,
     ) -> Option<Result<(), Failure>> {
-        Some(match self {
-            Self::Planner(plugin) => plugin.prepare(environment, budget, sink),
-            Self::FailPolicy(plugin) => plugin.prepare(environment, budget, sink),
-            Self::InstanceGenerator(plugin) => plugin.prepare(environment, budget, sink),
-            Self::InvocationPolicy(_) => return None,
-        })
+        let learner = self.learner()?;
+        Some(learner.prepare(environment, budget, sink))
+    }
+
+    /// What learns maps, of any kind that does.
+    fn learner(&mut self) -> Option<&mut dyn Prepare> {
+        match self {
+            Self::Planner(plugin) => Some(&mut **plugin),
+            Self::FailPolicy(plugin) => Some(&mut **plugin),
+            Self::InstanceGenerator(plugin) => Some(&mut **plugin),
+            Self::InvocationPolicy(_) => None,
+        }
+    }
+
+    /// As [`Prepare::has_leftovers`].
+    pub fn has_leftovers(&mut self) -> bool {
+        self.learner()
+            .is_some_and(|learner| learner.has_leftovers())
+    }
+
+    /// As [`Prepare::free_leftovers`].
+    pub fn free_leftovers(&mut self) {
+        if let Some(learner) = self.learner() {
+            learner.free_leftovers();
+        }
     }
 
     /// Of a planner that is written with the SDK.
@@ -143,6 +172,12 @@ struct Held<P, M> {
 struct Learnt<M> {
     map: M,
     environment: SharedEnvironment,
+}
+
+impl<P, M> Drop for Held<P, M> {
+    fn drop(&mut self) {
+        leftovers::free();
+    }
 }
 
 impl<P: sdk::Plugin, M> Held<P, M> {
@@ -218,10 +253,17 @@ impl<P: sdk::Plugin, M> Held<P, M> {
 
 fn lacks(what: &str, kind: &str, name: &str) -> Failure {
     let reason = format!(
-        "the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: take one \
-         that does"
+        "the {what} needs the {kind} `{name}`, which this plugin does not claim; hint: \
+         `fleetyard plugins list` names others, and `plugins info` what they claim"
     );
     Failure::new(Status::Unsupported, reason)
+}
+
+/// Makes a call into a plugin of an author. Where a host does not free what calls leave, the next one
+/// does.
+fn call<R>(call: impl FnOnce() -> R) -> R {
+    leftovers::free();
+    leftovers::during(call)
 }
 
 struct PlannerOf<P: sdk::Planner>(Held<P, P::Map>);
@@ -232,6 +274,14 @@ struct InvocationPolicyOf<P>(P);
 macro_rules! prepares {
     ($($held:ident: $kind:ident),*) => {$(
         impl<P: sdk::$kind> Prepare for $held<P> {
+            fn has_leftovers(&self) -> bool {
+                leftovers::any()
+            }
+
+            fn free_leftovers(&mut self) {
+                leftovers::free();
+            }
+
             fn prepare(
                 &mut self,
                 environment: &SharedEnvironment,
@@ -239,7 +289,7 @@ macro_rules! prepares {
                 sink: &dyn Sink,
             ) -> Result<(), Failure> {
                 let learn = |plugin: &mut P| plugin.prepare(environment, budget, sink);
-                self.0.prepare(environment, learn)
+                call(|| self.0.prepare(environment, learn))
             }
         }
     )*};
@@ -259,7 +309,7 @@ impl<P: sdk::Planner> Planner for PlannerOf<P> {
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
         let (planner, map) = self.0.ready_for(instance, instance.needs())?;
-        planner.plan(map, instance, budget, sink)
+        call(|| planner.plan(map, instance, budget, sink))
     }
 }
 
@@ -275,7 +325,7 @@ impl<P: sdk::FailPolicy> FailPolicy for FailPolicyOf<P> {
         let idle = Capabilities::of(&[Capability::Idle]);
         let needed = instance.needs().and(idle);
         let (policy, map) = self.0.ready_for(instance, needed)?;
-        policy.recover(map, instance, failed, budget, sink)
+        call(|| policy.recover(map, instance, failed, budget, sink))
     }
 }
 
@@ -290,7 +340,7 @@ impl<P: sdk::InstanceGenerator> InstanceGenerator for InstanceGeneratorOf<P> {
         let parts = state.parts.iter().chain(&state.next.parts);
         self.0.lists("state", critical(parts))?;
         let (generator, learnt) = self.0.ready()?;
-        generator.generate(&mut learnt.map, state, budget, sink)
+        call(|| generator.generate(&mut learnt.map, state, budget, sink))
     }
 }
 

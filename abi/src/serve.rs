@@ -218,7 +218,7 @@ impl<W: Write + Send> Server<'_, W> {
     /// Makes a call, and answers with an error when it is refused or panics.
     fn guard(&mut self, id: u64, call: impl FnOnce(&mut Self) -> Result<(), Refusal>) {
         let refusal = match catch_unwind(AssertUnwindSafe(|| call(self))) {
-            Ok(Ok(())) => return,
+            Ok(Ok(())) => return self.tidy(),
             Ok(Err(refusal)) => refusal,
             Err(payload) => {
                 let message = panic_message(payload.as_ref());
@@ -228,8 +228,32 @@ impl<W: Write + Send> Server<'_, W> {
                 )
             }
         };
+        self.leave();
         self.channel
             .send(&Response::error(Some(id), refusal.code, refusal.message));
+        self.tidy();
+    }
+
+    /// Says, before a call is answered, if memory is to be freed afterwards.
+    fn leave(&mut self) {
+        if self.has_leftovers() {
+            self.channel.notify(wire::BUSY);
+        }
+    }
+
+    /// Frees what a call has left, once it has been answered, and says so.
+    fn tidy(&mut self) {
+        if self.has_leftovers()
+            && let Some(object) = &mut self.object
+        {
+            // A panic in a destructor has nobody left to hear of it.
+            let _ = catch_unwind(AssertUnwindSafe(|| object.free_leftovers()));
+            self.channel.notify(wire::READY);
+        }
+    }
+
+    fn has_leftovers(&mut self) -> bool {
+        self.object.as_mut().is_some_and(Object::has_leftovers)
     }
 
     fn prepare(&mut self, id: u64, asked: PrepareParams) -> Result<(), Refusal> {
@@ -245,6 +269,7 @@ impl<W: Write + Send> Server<'_, W> {
             return Err(wrong_object("prepare", self.object.as_ref()));
         };
         self.environment = result.is_ok().then_some(environment);
+        self.leave();
         self.channel.reply(id, outcome(result)?);
         Ok(())
     }
@@ -307,6 +332,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let began_ns = monotonic_ns();
                 let result = planner.plan(&instance, &budget, &sink);
                 let call_ns = sink.worked_ns(began_ns);
+                self.leave();
                 channel.reply(id, plan_result(result, call_ns)?);
             }
             "recover" => {
@@ -334,6 +360,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let began_ns = monotonic_ns();
                 let result = policy.recover(&instance, failed, &budget, &sink);
                 let call_ns = sink.worked_ns(began_ns);
+                self.leave();
                 channel.reply(id, plan_result(result, call_ns)?);
             }
             "generate" => {
@@ -349,6 +376,7 @@ impl<W: Write + Send> Server<'_, W> {
                 let result = generator.generate(&state, &budget, &sink);
                 let Outcome { status, message } = outcome(result)?;
                 let request = lock(&next).take();
+                self.leave();
                 channel.reply(
                     id,
                     GenerateResult {
@@ -489,6 +517,11 @@ impl<'a, W: Write + Send> Channel<'a, W> {
 
     fn reply<R: Serialize>(self, id: u64, result: R) {
         self.send(&Response::result(id, result));
+    }
+
+    /// Sends a notification that says all by its name.
+    fn notify(self, method: &str) {
+        self.send(&Request::notification(method, ()));
     }
 
     fn send<M: Serialize>(self, message: &M) {

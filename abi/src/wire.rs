@@ -51,6 +51,12 @@ pub const REFUSED: i64 = -32001;
 /// The host's worker found that the library broke the contract.
 pub const BROKE_CONTRACT: i64 = -32002;
 
+/// The notification that says, before an answer, that the plugin frees memory after it, and hears
+/// nothing until it is [`READY`].
+pub const BUSY: &str = "busy";
+/// The notification that a [`BUSY`] plugin hears again.
+pub const READY: &str = "ready";
+
 /// Any message, its payload still as text.
 #[derive(Debug, Deserialize)]
 pub struct Envelope<'a> {

@@ -589,7 +589,8 @@ fn planners_of_every_representation_plan_for_a_task() {
     let refused = yard.line("run --task hall.task.json -p lacam --representation roadmap");
     let refused = refused.expect(NO_PLAN).stderr;
     assert!(
-        refused.contains("planner `lacam` does not support `roadmap`"),
+        refused.contains("planner `lacam` does not support `roadmap`")
+            && refused.contains("the standard planners `roadmap-pp`"),
         "{refused}"
     );
 }

@@ -1,6 +1,6 @@
 //! `fleetyard world`: views of a task's world, and how they came about.
 
-use fleetyard_testkit::{INPUT, INVALID_PLAN, SUCCESS, USAGE, Yard, root};
+use fleetyard_testkit::{INPUT, INVALID_PLAN, NO_PLAN, SUCCESS, USAGE, Yard, root};
 use serde_json::Value;
 
 fn task(name: &str) -> String {
@@ -212,6 +212,29 @@ fn maps_have_allowed_moves() {
         lost.stderr.contains("write --to grid instead"),
         "{}",
         lost.stderr
+    );
+    // Round the ring, and not against it.
+    let run = |planner: &str| {
+        let asked = "run --map ring.map --scen ring.scen --agents 1 --format json --budget 5s";
+        yard.line(&format!("{asked} --planner {planner}"))
+    };
+    for planner in [
+        "pp",
+        "pbs",
+        "cbs",
+        "ecbs",
+        "mapf-lns2",
+        "astar",
+        "bidirectional-astar",
+        "d-star-lite",
+    ] {
+        let record = run(planner).expect(SUCCESS).json();
+        assert_eq!(record["metrics"]["soc_steps"], 7, "{planner}: {record}");
+    }
+    let refused = run("jump-point-search").expect(NO_PLAN).stderr;
+    assert!(
+        refused.contains("does not support `move-mask`") && refused.contains("`cbs`"),
+        "{refused}"
     );
 }
 

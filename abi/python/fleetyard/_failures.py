@@ -18,13 +18,14 @@ class Infeasible(Failure):
 
 
 class TimedOut(Failure):
-    """The budget ran out."""
+    """The time of the budget ran out."""
 
     status = "timed-out"
 
 
 class GaveUp(Failure):
-    """The planner stopped trying without a proof."""
+    """The planner stopped trying without a proof: a limit of nodes or memory was reached,
+    or nothing was left to try."""
 
     status = "gave-up"
 

@@ -297,7 +297,7 @@ impl<'s> Experiment<'s> {
             let Planner {
                 plugin, descriptor, ..
             } = planner;
-            plugin.check_capabilities(descriptor, connectivity, rule)
+            plugin.check_capabilities(descriptor, connectivity, false, rule)
         })
     }
 

@@ -206,6 +206,7 @@ impl Plugin {
         &self,
         descriptor: &Descriptor,
         connectivity: Connectivity,
+        one_way: bool,
         rule: PathRule,
     ) -> Result<(), TrialError> {
         let mut needed = vec![Capability::Grid];
@@ -215,16 +216,21 @@ impl Plugin {
         if connectivity == Connectivity::Eight {
             needed.push(Capability::EightConnected);
         }
+        if one_way {
+            needed.push(Capability::MoveMask);
+        }
         let capabilities = descriptor.capabilities;
-        let missing = needed.into_iter().find(|needed| !capabilities.has(*needed));
-        missing.map_or(Ok(()), |missing| {
-            Err(TrialError::Incapable {
+        match needed.iter().find(|needed| !capabilities.has(**needed)) {
+            Some(missing) => Err(TrialError::Incapable {
                 planner: descriptor.id.clone(),
                 name: self.name.clone(),
-                missing,
+                missing: *missing,
+                needed: Capabilities::of(&needed),
+                able: None,
                 lines: capabilities.has(Capability::AnyAngle),
-            })
-        })
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Refuses a planner of this description that does not claim what a view of a task needs,
@@ -241,6 +247,8 @@ impl Plugin {
                 planner: descriptor.id.clone(),
                 name: self.name.clone(),
                 missing,
+                needed,
+                able: None,
                 lines: false,
             });
         }

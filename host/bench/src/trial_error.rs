@@ -1,6 +1,6 @@
 //! Reasons why a trial could not be made, as opposed to how it went.
 
-use fleetyard_abi::{Capability, Kind};
+use fleetyard_abi::{Capabilities, Capability, Kind};
 use fleetyard_core::InputError;
 use fleetyard_fleet::FleetError;
 use fleetyard_runtime::{Fault, OptionError, Termination};
@@ -71,6 +71,10 @@ pub enum TrialError {
         name: String,
         /// The capability that is needed.
         missing: Capability,
+        /// All that are needed.
+        needed: Capabilities,
+        /// Identifiers of the standard planners that have them, if somebody has looked.
+        able: Option<Vec<String>>,
         /// True if it claims to plan in straight lines between any cells.
         lines: bool,
     },
@@ -151,6 +155,16 @@ impl TrialError {
                  `supercover` judge"
                     .to_owned(),
             ),
+            Self::Incapable {
+                able: Some(able), ..
+            } => Some(match able.as_slice() {
+                [] => "none of the standard planners does".to_owned(),
+                [one] => format!("the standard planner `{one}` does"),
+                [all @ .., last] => {
+                    let all: Vec<String> = all.iter().map(|id| format!("`{id}`")).collect();
+                    format!("the standard planners {} and `{last}` do", all.join(", "))
+                }
+            }),
             Self::Incapable { name, .. }
             | Self::Lacks { name, .. }
             | Self::NoneOfViews { name, .. } => Some(format!(

@@ -109,7 +109,11 @@ impl TrialInstance<'_> {
             Self::Grid {
                 instance,
                 path_rule,
-            } => planner.check_capabilities(descriptor, instance.connectivity(), *path_rule),
+            } => {
+                let (connectivity, one_way) =
+                    (instance.connectivity(), instance.grid().has_move_masks());
+                planner.check_capabilities(descriptor, connectivity, one_way, *path_rule)
+            }
             Self::View { .. } => {
                 let instance = self.instance(descriptor, config);
                 let needed = self.environment(config).needs().with(instance.needs());

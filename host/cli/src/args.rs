@@ -133,6 +133,15 @@ pub(crate) fn size(text: &str) -> Read<u64> {
     Ok(size.as_u64())
 }
 
+/// A limit of search nodes.
+pub(crate) fn nodes(text: &str) -> Read<u64> {
+    let nodes = text.parse().map_err(|_| "write a whole number".to_owned())?;
+    if nodes == 0 {
+        return Err("nothing can be searched without nodes; leave --nodes out for no limit".into());
+    }
+    Ok(nodes)
+}
+
 /// A duration as users write it: help shows defaults so.
 pub(crate) fn duration_text(duration: Duration) -> String {
     humantime::format_duration(duration).to_string()
@@ -204,9 +213,8 @@ pub(crate) struct BudgetArgs {
     #[arg(long, help_heading = BUDGET, value_name = "DURATION", value_parser = duration)]
     pub(crate) grace: Option<Duration>,
     /// Most search nodes, for planners that count them [default: no limit]
-    #[arg(long, help_heading = BUDGET, value_name = "N", hide_default_value = true,
-          default_value_t = BudgetOptions::default().nodes)]
-    pub(crate) nodes: u64,
+    #[arg(long, help_heading = BUDGET, value_name = "N", value_parser = nodes)]
+    pub(crate) nodes: Option<u64>,
     /// Most threads a planner may use
     #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = BudgetOptions::default().threads,
           value_parser = clap::value_parser!(u32).range(1..=4096))]

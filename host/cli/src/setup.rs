@@ -63,7 +63,7 @@ fn budget(arguments: &BudgetArgs) -> BudgetOptions {
         prepare_cpu: sandbox.prepare_cpu,
         memory_bytes: sandbox.memory,
         prepare_memory_bytes: sandbox.prepare_memory,
-        nodes: arguments.nodes,
+        nodes: arguments.nodes.unwrap_or(BudgetOptions::default().nodes),
         threads: arguments.threads,
     }
 }

@@ -6,6 +6,7 @@
 
 use std::time::Duration;
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_abi::sdk::{
     FailPolicy, Failure, InstanceGenerator, InvocationPolicy, Options, Planner, Plugin, Sink,
 };
@@ -104,10 +105,26 @@ impl Planner for Echo {
             0 => Ok(()),
             1 => Err(Failure::new(Status::GaveUp, "as asked")),
             2 => panic!("as asked"),
+            4 => {
+                drop(Leftover::new(Slow(true)));
+                Ok(())
+            }
             _ => {
                 sink.submit(&GridPlan::from_paths([[0u32]]))?;
                 Ok(())
             }
+        }
+    }
+}
+
+/// Takes longer to free than [`leftovers`] gives to a call.
+#[derive(Default)]
+struct Slow(bool);
+
+impl Drop for Slow {
+    fn drop(&mut self) {
+        if self.0 {
+            std::thread::sleep(Duration::from_millis(1500));
         }
     }
 }
@@ -505,6 +522,23 @@ fn planner(attach: Attach) {
     assert_eq!(closing.usage.is_none(), attach == Attach::InProcess);
 }
 
+/// What takes long to free is freed when the call has been answered, and before the next one begins.
+fn leftovers(attach: Attach) {
+    let mut session = open(attach, Kind::Planner);
+    let short = |nodes| Budget {
+        wall_ns: 1_000_000_000,
+        ..budget(nodes)
+    };
+    for nodes in [4, 0, 4] {
+        let run = session.plan(&instance(), &short(nodes));
+        assert_eq!(run.fault, None);
+        assert_eq!(run.termination, Termination::Completed);
+        assert_eq!(run.claim, Some(Status::Solved));
+    }
+    // It is not waited for when nothing more is asked.
+    assert_eq!(session.close().fault, None);
+}
+
 fn fail_policy(attach: Attach) {
     let mut session = open(attach, Kind::FailPolicy);
     let run = session.recover(&instance(), None, &budget(0));
@@ -613,8 +647,9 @@ fn main() {
     if std::env::args().nth(1).as_deref() == Some(SERVE) {
         std::process::exit(serve::serve_stdio(catalog()));
     }
-    let cases: [(&str, Case); 5] = [
+    let cases: [(&str, Case); 6] = [
         ("planner", planner),
+        ("leftovers", leftovers),
         ("representations", representations),
         ("fail_policy", fail_policy),
         ("instance_generator", instance_generator),

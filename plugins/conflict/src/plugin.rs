@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, Method, NODE_LIMIT, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,9 +10,13 @@ use serde::{Deserialize, Serialize};
 use crate::show::show;
 use crate::{End, Settings, solve};
 
+/// The end that a search did not come to.
+const FOUND: &str = "a plan was found; these paths collide";
+
 /// Capabilities of both planners.
 const CAPABILITIES: &[Capability] = &[
     Capability::Pebble,
+    Capability::MoveMask,
     Capability::Rotation,
     Capability::Windowed,
     Capability::DuplicateGoals,
@@ -66,14 +70,8 @@ fn search(
             failure(Status::GaveUp, "no plan tolerates that many steps of delay")
         }
         End::Infeasible => failure(Status::Infeasible, "the constraint tree is exhausted"),
-        End::Stopped => failure(
-            Status::TimedOut,
-            "the budget ended before a plan was found; these paths collide",
-        ),
-        End::Nodes => failure(
-            Status::GaveUp,
-            "the node limit was reached; these paths collide",
-        ),
+        End::Stopped => Err(call.unfinished("the memory of one search", FOUND)),
+        End::Nodes => Err(call.unfinished(NODE_LIMIT, FOUND)),
         End::Memory => failure(
             Status::GaveUp,
             "the tree reached its memory limit before a plan was found; these paths collide",

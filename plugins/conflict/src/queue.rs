@@ -27,7 +27,7 @@ impl Rank {
 }
 
 /// The open nodes. With a weight of 1 those of least bound come first.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Queue {
     weight: f64,
     /// Most of a sum that the weight counts for: steps within the window.

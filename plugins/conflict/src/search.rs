@@ -26,6 +26,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_spacetime::astar::{Astar, Stopped};
 use fleetyard_plugin_spacetime::conflict::{Conflict, FOREVER, Rules};
 use fleetyard_plugin_spacetime::constraints::Constraints;
@@ -135,8 +136,8 @@ pub(crate) struct Search<'p> {
     at: Option<u32>,
     /// The paths that are in the traffic.
     loaded: Vec<Option<Rc<AgentPath>>>,
-    nodes: Vec<Node>,
-    queue: Queue,
+    nodes: Leftover<Vec<Node>>,
+    queue: Leftover<Queue>,
     bytes: u64,
     /// The node with the fewest conflicts: these, its cost, and its number.
     best: Option<(u32, u64, u32)>,
@@ -180,8 +181,8 @@ impl<'p> Search<'p> {
             traffic: Traffic::new(vertices, agents, rules),
             at: None,
             loaded: vec![None; agents],
-            nodes: Vec::new(),
-            queue: Queue::new(settings.weight.max(1.0), counted),
+            nodes: Leftover::default(),
+            queue: Leftover::new(Queue::new(settings.weight.max(1.0), counted)),
             bytes: 0,
             best: None,
             of_pair: None,
@@ -260,7 +261,7 @@ impl<'p> Search<'p> {
             if self.bytes > self.settings.memory_limit {
                 return End::Memory;
             }
-            let nodes = &self.nodes;
+            let nodes = &*self.nodes;
             let Some(id) = self.queue.pop(|id| nodes[id as usize].rank) else {
                 return End::Infeasible;
             };

@@ -451,10 +451,10 @@ static int32_t submit(Work *work) {
 static int32_t explain(const Work *work) {
   uint64_t restarts = work->restarts;
   if (work->out_of_memory)
-    return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_GAVE_UP,
                           "the memory ran out after %" PRIu64 " restarts", restarts);
   if (work->out_of_nodes)
-    return fleetyard_fail(work->sink, FLEETYARD_STATUS_TIMED_OUT,
+    return fleetyard_fail(work->sink, FLEETYARD_STATUS_GAVE_UP,
                           "the node limit was reached after %" PRIu64 " restarts", restarts);
   if (work->sink->now_ns(work->sink->context) < work->budget->answer_by_ns)
     return fleetyard_fail(work->sink, FLEETYARD_STATUS_CANCELLED,

@@ -327,7 +327,7 @@ private:
   void count() {
     expansions_++;
     if (budget_.nodes() && expansions_ > budget_.nodes())
-      throw Failure(Status::timed_out, "the limit of search nodes is reached");
+      throw Failure(Status::gave_up, "the limit of search nodes is reached");
     if (expansions_ % 256 == 0)
       sink_.check();
   }

@@ -370,7 +370,7 @@ public final class OneByOne {
         }
         expansions++;
         if (nodes > 0 && expansions > nodes) {
-          throw new Failure("timed-out", "the limit of search nodes is reached");
+          throw new Failure("gave-up", "the limit of search nodes is reached");
         }
         if (expansions % 256 == 0) {
           check();

@@ -71,7 +71,7 @@ class GridSearch(fleetyard.Planner):
         if self.expansions % LOOK_EVERY == 0:
             self.context.check()
         if self.budget.nodes and self.expansions >= self.budget.nodes:
-            raise fleetyard.TimedOut("the node limit was reached")
+            raise fleetyard.GaveUp("the node limit was reached")
         self.expansions += 1
 
     def search(self, start, goal):

@@ -57,6 +57,7 @@ impl<R: Rule> Plugin for Generator<R> {
         let common = &[
             Capability::Grid,
             Capability::Pebble,
+            Capability::MoveMask,
             Capability::Rotation,
             Capability::Deterministic,
         ];
@@ -167,17 +168,21 @@ fn give<'s>(
             .iter()
             .map(|cell| ground.graph.vertex(*cell))
             .collect();
-        let Some((&first, visits)) = visits.as_deref().and_then(<[Vertex]>::split_first) else {
+        let Some((&first, visits)) = visits
+            .as_deref()
+            .and_then(|visits| Some((visits.first()?, visits)))
+        else {
             continue;
         };
-        let region = ground.region(first);
-        if left[region as usize] == 0 || visits.iter().any(|v| ground.region(*v) != region) {
+        let nobody = left[ground.region(first) as usize] == 0 && !ground.graph.is_directed();
+        let leads = |step: &[Vertex]| ground.leads(step[0], step[1]);
+        if nobody || !visits.windows(2).all(leads) {
             continue;
         }
-        if let Some(v) = search.nearest(first, |v| idle[v as usize] != NOBODY) {
+        if let Some(v) = search.nearest_to(first, |v| idle[v as usize] != NOBODY) {
             given.push((idle[v as usize] as usize, task));
             idle[v as usize] = NOBODY;
-            left[region as usize] -= 1;
+            left[ground.region(v) as usize] -= 1;
             total -= 1;
         }
     }
@@ -203,7 +208,7 @@ impl Fleet<'_> {
                 "the goal of agent {agent}, cell {cell}, is not a free cell of the map"
             )));
         };
-        if self.ground.region(goal) != self.ground.region(self.at[agent]) {
+        if !self.ground.leads(self.at[agent], goal) {
             return Err(invalid(format!(
                 "agent {agent} cannot get from cell {} to its goal, cell {cell}",
                 self.ground.graph.cell(self.at[agent])

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use fleetyard_abi::Environment;
 use fleetyard_abi::sdk::Failure;
-use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
+use fleetyard_plugin_spacetime::digraph::Digraph;
+use fleetyard_plugin_spacetime::graph::{DIRECTIONS, Graph, Vertex};
 use fleetyard_plugin_spacetime::plugin::grid_of;
 use fleetyard_plugin_spacetime::problem::{graph_of, vertices_of};
 
@@ -21,7 +22,8 @@ impl Learn for () {
     }
 }
 
-/// A 4-connected grid and its connected regions.
+/// A 4-connected grid and its connected regions: from everywhere in one there is a way to everywhere
+/// else in it.
 #[derive(Debug)]
 pub struct Ground {
     pub(crate) graph: Arc<Graph>,
@@ -39,6 +41,12 @@ impl Ground {
         self.region[v as usize]
     }
 
+    /// True if there is a way from one vertex to another.
+    pub(crate) fn leads(&self, from: Vertex, to: Vertex) -> bool {
+        self.region(from) == self.region(to)
+            || self.graph.is_directed() && Search::new(self).nearest(from, |v| v == to).is_some()
+    }
+
     /// Vertices of the agents' cells, which have to be free and different.
     pub(crate) fn places(&self, cells: &[u32]) -> Result<Vec<Vertex>, Failure> {
         Ok(vertices_of(&self.graph, cells, "start")?)
@@ -48,6 +56,10 @@ impl Ground {
 impl Learn for Ground {
     fn learn(environment: &Environment) -> Result<Self, Failure> {
         let graph = Arc::new(graph_of(grid_of(environment)?)?);
+        if graph.is_directed() {
+            let region = Digraph::new(&graph, |_, _| true).components();
+            return Ok(Self { graph, region });
+        }
         let mut region = vec![u32::MAX; graph.len()];
         let mut stack = Vec::new();
         for first in 0..graph.len() as Vertex {
@@ -103,11 +115,22 @@ impl<'g> Search<'g> {
     }
 
     /// The nearest vertex that is wanted, `from` included; of equals the one found first.
-    pub fn nearest(
+    pub fn nearest(&mut self, from: Vertex, wanted: impl FnMut(Vertex) -> bool) -> Option<Vertex> {
+        self.first(from, Graph::around, wanted)
+    }
+
+    /// The wanted vertex from which one is the nearest to `to`.
+    pub fn nearest_to(&mut self, to: Vertex, wanted: impl FnMut(Vertex) -> bool) -> Option<Vertex> {
+        self.first(to, Graph::sources, wanted)
+    }
+
+    fn first(
         &mut self,
         from: Vertex,
+        near: fn(&Graph, Vertex) -> &[Vertex; DIRECTIONS],
         mut wanted: impl FnMut(Vertex) -> bool,
     ) -> Option<Vertex> {
+        let graph = &*self.ground.graph;
         self.begin();
         self.queue.clear();
         self.queue.push(from);
@@ -118,8 +141,8 @@ impl<'g> Search<'g> {
             if wanted(v) {
                 return Some(v);
             }
-            for near in self.ground.graph.neighbors(v) {
-                if self.seen[near as usize] != self.number {
+            for &near in near(graph, v) {
+                if near != graph.wall() && self.seen[near as usize] != self.number {
                     self.seen[near as usize] = self.number;
                     self.queue.push(near);
                 }
@@ -134,7 +157,7 @@ impl<'g> Search<'g> {
     /// two stacks do for a queue.
     pub fn distance(&mut self, from: Vertex, to: Vertex, most: u32) -> Option<u32> {
         let ground = self.ground;
-        if ground.region(from) != ground.region(to) {
+        if !ground.leads(from, to) {
             return None;
         }
         self.begin();

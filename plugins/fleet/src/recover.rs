@@ -74,6 +74,7 @@ impl<R: Recovery> Plugin for Policy<R> {
         let common = &[
             Capability::Grid,
             Capability::Pebble,
+            Capability::MoveMask,
             Capability::Rotation,
             Capability::Windowed,
             Capability::DuplicateGoals,

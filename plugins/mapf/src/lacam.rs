@@ -19,6 +19,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use crate::pibt::{OneGoal, Pibt};
 use crate::scatter::Guide;
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_spacetime::distance::Distances;
 use fleetyard_plugin_spacetime::graph::{Graph, Vertex};
 use fleetyard_plugin_spacetime::random::Random;
@@ -54,7 +55,7 @@ struct Node {
     /// First and last of the constraints to try: a list in `constraints`.
     first: u32,
     last: u32,
-    /// Known neighbours and the cost to them. Moves can be undone, so this holds both ways.
+    /// Known neighbours and the cost to them: both ways where moves can be undone.
     edges: Vec<(u32, u32)>,
     /// Next node whose configuration has the same hash.
     same_hash: u32,
@@ -98,9 +99,9 @@ pub(crate) struct Lacam<'g> {
     random: Random,
     /// Agents by decreasing initial priority: the order among those at their goals.
     initial_order: Box<[u32]>,
-    nodes: Vec<Node>,
-    constraints: Vec<Constraint>,
-    explored: HashMap<u64, u32, BuildHasherDefault<Identity>>,
+    nodes: Leftover<Vec<Node>>,
+    constraints: Leftover<Vec<Constraint>>,
+    explored: Leftover<HashMap<u64, u32, BuildHasherDefault<Identity>>>,
     open: Vec<u32>,
     goal: u32,
     /// The node that PIBT has loaded.
@@ -133,9 +134,9 @@ impl<'g> Lacam<'g> {
             samples: samples.max(1),
             random: random.clone(),
             initial_order,
-            nodes: Vec::new(),
-            constraints: Vec::new(),
-            explored: HashMap::default(),
+            nodes: Leftover::default(),
+            constraints: Leftover::default(),
+            explored: Leftover::default(),
             open: Vec::new(),
             goal: NONE,
             loaded: NONE,
@@ -424,7 +425,7 @@ impl<'g> Lacam<'g> {
             next: NONE,
         });
         let same_hash = self.explored.insert(hash, id).unwrap_or(NONE);
-        let edges = if parent == NONE {
+        let edges = if parent == NONE || self.graph.is_directed() {
             Vec::new()
         } else {
             vec![(parent, cost)]
@@ -455,7 +456,9 @@ impl<'g> Lacam<'g> {
         {
             let cost = self.loss(from, &self.nodes[to as usize].configuration);
             self.nodes[from as usize].edges.push((to, cost));
-            self.nodes[to as usize].edges.push((from, cost));
+            if !self.graph.is_directed() {
+                self.nodes[to as usize].edges.push((from, cost));
+            }
         }
         let mut queue = VecDeque::from([from]);
         while let Some(at) = queue.pop_front() {

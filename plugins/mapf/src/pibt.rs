@@ -134,7 +134,8 @@ impl<'g> Pibt<'g> {
         let vertices = graph.len() + 1;
         Self {
             graph,
-            swap,
+            // Who changes places goes back where it came from.
+            swap: swap && !graph.is_directed(),
             rings,
             from: vec![UNDECIDED; agents],
             occupant: vec![NOBODY; vertices],

@@ -184,7 +184,7 @@ impl Scatter<'_, '_> {
                 if d as usize >= DIRECTIONS {
                     break;
                 }
-                v = self.graph.around(v)[d as usize];
+                v = self.graph.sources(v)[d as usize];
                 path.push(v);
             }
             path.reverse();
@@ -270,7 +270,7 @@ impl Scatter<'_, '_> {
             self.standing[at] = change(self.standing[at], 1);
             if t > 0 {
                 let from = path[t - 1];
-                if let Some(d) = self.graph.around(v).iter().position(|&u| u == from) {
+                if let Some(d) = self.graph.sources(v).iter().position(|&u| u == from) {
                     self.entered_from[at][d] = change(self.entered_from[at][d], 1);
                 }
             }

@@ -1,10 +1,10 @@
 //! The planners behind the plugin contract: ids `mapf-lns2` and `mapf-lns`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance, Status};
+use fleetyard_abi::{Budget, Capability, GridEnvironment, Instance};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::plan::sum_of_costs;
-use fleetyard_plugin_spacetime::plugin::{Call, MEMORY, Method, Team};
+use fleetyard_plugin_spacetime::plugin::{Call, MEMORY, Method, NODE_LIMIT, Team};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use fleetyard_plugin_spacetime::refine::{Refiner, Shortest};
 use schemars::JsonSchema;
@@ -42,7 +42,11 @@ impl Method for Options {
     const ABOUT: &'static str = "Begins with paths that collide as little as one agent at a time \
          can help it, and plans a few agents anew until nobody collides (Li, Chen, Harabor, \
          Stuckey, Koenig, AAAI 2022). Ends with the first plan.";
-    const CAPABILITIES: &'static [Capability] = &[Capability::Pebble, Capability::CollidingPlans];
+    const CAPABILITIES: &'static [Capability] = &[
+        Capability::Pebble,
+        Capability::MoveMask,
+        Capability::CollidingPlans,
+    ];
     type Map = Ground;
 
     fn learn(&self, grid: &GridEnvironment, budget: &Budget) -> Result<Ground, Failure> {
@@ -73,6 +77,7 @@ impl Method for Anytime {
          2021), until the budget ends.";
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
+        Capability::MoveMask,
         Capability::CollidingPlans,
         Capability::Anytime,
         Capability::Threads,
@@ -134,12 +139,7 @@ fn first_plan(
         on(&problem, repaired, &mut control);
         return Ok(());
     }
-    let status = match control.nodes {
-        0 => Status::GaveUp,
-        _ => Status::TimedOut,
-    };
-    let reason = "a limit was met before a plan was found; these paths collide";
-    Err(Failure::new(status, reason))
+    Err(call.unfinished(NODE_LIMIT, "a plan was found; these paths collide"))
 }
 
 /// Makes a plan cheaper until a limit is met, or it is as cheap as the shortest paths.

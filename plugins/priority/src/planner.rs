@@ -61,27 +61,32 @@ pub(crate) struct Single<'p> {
     slow: Vec<usize>,
 }
 
+/// Nobody has to wait longer for an agent that cannot leave its start.
+const MOST_STAY: u32 = 1 << 10;
+
 /// Earliest times at which others can come to the start of an agent, by the direction that they
 /// come from, whatever path the agent takes. An agent of higher priority must not count on more, or
 /// the agent has no path at all.
 fn earliest(problem: &Problem, agent: usize) -> [u32; DIRECTIONS] {
     let Route { start, heading, .. } = problem.routes[agent];
-    let around = problem.graph.around(start);
+    let (around, sources) = (problem.graph.around(start), problem.graph.sources(start));
     let open = |d: &usize| around[*d] != problem.graph.wall();
+    let comes = |d: usize| sources[d] != problem.graph.wall();
     let turns = |d: usize| match (problem.turning, (d + 4 - usize::from(heading)) % 4) {
         (false, _) | (true, 0) => 0,
         (true, 2) => 2,
         (true, _) => 1,
     };
     std::array::from_fn(|d| {
-        if !open(&d) {
+        if !comes(d) {
             return 0;
         }
         // Either the agent goes where the other one does not come from, or it goes there,
         // and on, before the other one is there.
         let others = (0..DIRECTIONS).filter(|e| *e != d).filter(open);
         let elsewhere = others.map(|e| turns(e) + 1).min();
-        elsewhere.unwrap_or(u32::MAX).min(turns(d) + 3)
+        let on = if open(&d) { turns(d) + 3 } else { u32::MAX };
+        elsewhere.unwrap_or(u32::MAX).min(on).min(MOST_STAY)
     })
 }
 

@@ -3,7 +3,7 @@
 use fleetyard_abi::sdk::{Annotations, Failure};
 use fleetyard_abi::{Annotation, Budget, Capability, GridEnvironment, Instance, Status};
 use fleetyard_plugin_spacetime::order::Prefer;
-use fleetyard_plugin_spacetime::plugin::{Call, Method, Team, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, Method, NODE_LIMIT, Team, half_of_memory};
 use fleetyard_plugin_spacetime::problem::{GoalRule, Ground, Problem};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,10 +47,9 @@ fn solve(
     call.submit(&problem.plan(outcome.paths()));
     match outcome {
         Outcome::Solved(_) => Ok(()),
-        Outcome::Stopped(_) => Err(Failure::new(
-            Status::TimedOut,
-            "the budget ended before a plan was found; these paths collide",
-        )),
+        Outcome::Stopped(_) => {
+            Err(call.unfinished(NODE_LIMIT, "a plan was found; these paths collide"))
+        }
         Outcome::Exhausted(_) => Err(Failure::new(
             Status::GaveUp,
             "no order of priorities leads to a plan; these paths collide",
@@ -118,6 +117,7 @@ impl Method for PrioritizedOptions {
          no path, until the budget ends. Not complete, not optimal.";
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
+        Capability::MoveMask,
         Capability::Rotation,
         Capability::Windowed,
         Capability::DuplicateGoals,
@@ -194,6 +194,7 @@ impl Method for SearchOptions {
          rolling-horizon collision resolution (Li et al., AAAI 2021). Not complete, not optimal.";
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
+        Capability::MoveMask,
         Capability::Rotation,
         Capability::Windowed,
         Capability::DuplicateGoals,

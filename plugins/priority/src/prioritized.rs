@@ -153,7 +153,7 @@ impl Run<'_> {
         self.paths.iter_mut().for_each(Vec::clear);
         self.longest = 0;
         let problem = self.single.problem;
-        self.single.hard.reset(&problem.graph, 0);
+        self.single.hard.reset(0);
         for agent in 0..problem.agents() {
             self.single.hold(agent, self.delay);
         }
@@ -202,7 +202,7 @@ impl Run<'_> {
             hard.add(&problem.graph, path, self.delay);
             return;
         }
-        hard.reset(&problem.graph, needed);
+        hard.reset(needed);
         for (other, path) in self.paths.iter().enumerate() {
             if path.is_empty() {
                 self.single.hold(other, self.delay);

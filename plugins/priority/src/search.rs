@@ -21,6 +21,7 @@
 //! Among equally long paths of an agent the one is taken that meets fewest of those that
 //! it need not keep out of the way of.
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_spacetime::conflict::{Conflict, Conflicts, FOREVER, Kind, Rules};
 use fleetyard_plugin_spacetime::graph::Vertex;
 use fleetyard_plugin_spacetime::order::{Order, Prefer};
@@ -180,11 +181,11 @@ impl Run<'_, '_> {
         if self.root().is_err() {
             return End::Stopped;
         }
-        let mut frames = vec![Frame {
+        let mut frames = Leftover::new(vec![Frame {
             decision: None,
             old: Vec::new(),
             children: Vec::new(),
-        }];
+        }]);
         let (mut dead_ends, mut patience) = (0, PATIENCE);
         let mut bytes = 0;
         let mut fresh = true;
@@ -274,10 +275,10 @@ impl Run<'_, '_> {
 
     /// Everybody on a best path, one after the other, with no priorities.
     fn root(&mut self) -> Result<(), Stopped> {
-        self.single.soft.reset(&self.single.problem.graph, 0);
+        self.single.soft.reset(0);
         for agent in 0..self.single.problem.agents() {
             self.make_room();
-            self.single.hard.reset(&self.single.problem.graph, 0);
+            self.single.hard.reset(0);
             self.single.hold_others(agent);
             // Alone in the world everybody finds a path.
             let Ok(found) = self.single.path(agent, true, self.stop) else {
@@ -410,9 +411,8 @@ impl Run<'_, '_> {
             soft,
             ..
         } = &mut self.single;
-        let graph = &problem.graph;
-        hard.reset(graph, 0);
-        soft.reset(graph, 0);
+        hard.reset(0);
+        soft.reset(0);
         for other in (0..problem.agents()).filter(|&other| other != agent) {
             let table = if self.order.is_before(other as u32) {
                 &mut *hard
@@ -440,8 +440,8 @@ impl Run<'_, '_> {
         let longest = (0..problem.agents()).map(|agent| self.team.path(agent).len());
         let needed = longest.max().unwrap_or(0) + 1;
         if needed > hard.horizon() as usize {
-            hard.reset(&problem.graph, needed);
-            soft.reset(&problem.graph, needed);
+            hard.reset(needed);
+            soft.reset(needed);
             for agent in 0..self.imprints.len() {
                 self.imprint(agent);
                 self.single.soft.stamp(&self.imprints[agent]);

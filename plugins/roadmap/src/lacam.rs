@@ -16,6 +16,7 @@ pub mod step;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_spacetime::random::Random;
 
 use crate::closeness::Closeness;
@@ -88,9 +89,9 @@ struct Lacam<'a> {
     random: Random,
     /// Discs by decreasing priority at first: the order among those at their goals.
     initial: Box<[u32]>,
-    nodes: Vec<Node>,
-    constraints: Vec<Constraint>,
-    known: HashMap<Rc<[Vertex]>, u32>,
+    nodes: Leftover<Vec<Node>>,
+    constraints: Leftover<Vec<Constraint>>,
+    known: Leftover<HashMap<Rc<[Vertex]>, u32>>,
     open: Vec<u32>,
 }
 
@@ -109,9 +110,9 @@ pub fn search(
         generator: Generator::new(closeness, tasks),
         random: Random::new(seed, 0),
         initial: fleetyard_plugin_plane::orders::longest_first(&alone).into(),
-        nodes: Vec::new(),
-        constraints: Vec::new(),
-        known: HashMap::new(),
+        nodes: Leftover::default(),
+        constraints: Leftover::default(),
+        known: Leftover::default(),
         open: Vec::new(),
     };
     let starts: Rc<[Vertex]> = tasks.iter().map(|task| task.start).collect();

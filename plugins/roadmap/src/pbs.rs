@@ -5,6 +5,7 @@
 //! the order. At the root nobody does. Where two meet the order is decided both ways; discs whose path no longer fits are planned
 //! anew, by safe intervals. The search goes depth first. After some dead ends it begins anew, with those first that found no path.
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_spacetime::order::{Order, Prefer};
 
 use crate::closeness::Closeness;
@@ -127,7 +128,7 @@ impl Run<'_> {
             Ok(false) => return Stop::Exhausted,
             Err(Told) => return Stop::Told,
         }
-        let mut frames = vec![Frame::default()];
+        let mut frames = Leftover::new(vec![Frame::default()]);
         let (mut dead_ends, mut patience, mut held, mut fresh) = (0, PATIENCE, 0, true);
         while let Some(frame) = frames.last_mut() {
             if fresh {

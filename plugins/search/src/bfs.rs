@@ -156,7 +156,12 @@ impl Search for BidirectionalBfs {
                 let Some(place) = wave.take() else { break };
                 expansions += 1;
                 let moves = wave.nodes.known(place) + 1;
-                for direction in directions(wave.nodes.onward(grid, place)) {
+                let onward = if forward {
+                    wave.nodes.onward(grid, place)
+                } else {
+                    wave.nodes.onward_back(grid, place)
+                };
+                for direction in directions(onward) {
                     let near = grid.step(place, direction);
                     if wave.find(near, moves, direction)
                         && let Some(rest) = other.nodes.cost(near)

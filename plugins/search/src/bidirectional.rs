@@ -201,9 +201,16 @@ fn run<C: Cost, G: Guide<C>>(
             std::cmp::Ordering::Greater => false,
         };
         if forward {
-            expand(grid, ahead, behind, guides[0], &mut best);
+            expand(grid, ahead, behind, guides[0], Nodes::onward, &mut best);
         } else {
-            expand(grid, behind, ahead, guides[1], &mut best);
+            expand(
+                grid,
+                behind,
+                ahead,
+                guides[1],
+                Nodes::onward_back,
+                &mut best,
+            );
         }
     }
     let [ahead, behind] = sides;
@@ -225,6 +232,7 @@ fn expand<C: Cost, G: Guide<C>>(
     side: &mut Side<C, G::Rank>,
     other: &Side<C, G::Rank>,
     guide: &G,
+    onward: impl Fn(&Nodes<C>, &Grid, Place) -> u8,
     best: &mut Meeting<C>,
 ) {
     let Some(Reverse(rank)) = side.open.pop() else {
@@ -234,7 +242,7 @@ fn expand<C: Cost, G: Guide<C>>(
     side.nodes.close(place);
     side.expansions += 1;
     let so_far = side.nodes.known(place);
-    for direction in directions(side.nodes.onward(grid, place)) {
+    for direction in directions(onward(&side.nodes, grid, place)) {
         let near = grid.step(place, direction);
         let cost = so_far.step(direction);
         if side.nodes.cost(near).is_some_and(|known| !cost.less(known)) {

@@ -72,7 +72,22 @@ pub struct Grid {
     offsets: [i32; 8],
     free: Vec<bool>,
     exits: Vec<u8>,
+    /// The moves that may be made, and the directions of neighbours from which one leads here, where
+    /// streets are one-way.
+    one_way: Option<OneWay>,
 }
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct OneWay {
+    allowed: Vec<u8>,
+    entries: Vec<u8>,
+}
+
+/// Directions of the bits of a map's moves: the straight ones, then those a turn of 45° to the right of
+/// them.
+const OF_BITS: [u8; 8] = [
+    NORTH, EAST, SOUTH, WEST, NORTH_EAST, SOUTH_EAST, SOUTH_WEST, NORTH_WEST,
+];
 
 impl Grid {
     /// From one entry per cell, row by row. `None` if there are not `rows · cols` of
@@ -94,6 +109,7 @@ impl Grid {
             offsets: DELTAS.map(|(rows, cols)| rows * stride + cols),
             free: vec![false; places as usize],
             exits: vec![0; places as usize],
+            one_way: None,
         };
         for (row, cells) in passable.chunks(cols as usize).enumerate() {
             let first = ((row + 1) << shift) + 1;
@@ -106,6 +122,41 @@ impl Grid {
             }
         }
         Some(grid)
+    }
+
+    /// The same with one-way streets: bit i of a cell's mask allows the move of letter i of
+    /// `NESWnesw`, if nothing is in the way.
+    #[must_use]
+    pub fn with_moves(mut self, moves: &[u8]) -> Self {
+        let mut allowed = vec![0; self.places()];
+        for (cell, mask) in (0..).zip(moves) {
+            let directions = OF_BITS.iter().enumerate();
+            let bits = directions.map(|(bit, direction)| (mask >> bit & 1) << direction);
+            allowed[self.place(cell) as usize] = bits.fold(0, |all, bit| all | bit);
+        }
+        let entries = vec![0; self.places()];
+        self.one_way = Some(OneWay { allowed, entries });
+        let cells = || 0..self.rows * self.cols;
+        let places: Vec<Place> = cells().map(|cell| self.place(cell)).collect();
+        for &place in &places {
+            self.exits[place as usize] = self.exits_of(place);
+        }
+        for &place in &places {
+            self.enter(place);
+        }
+        self
+    }
+
+    /// Works out from where moves lead to a place.
+    fn enter(&mut self, place: Place) {
+        let comes = |direction: u8| {
+            let near = self.step(place, direction);
+            self.exits[near as usize] >> opposite(direction) & 1
+        };
+        let mask = (0..8).fold(0, |mask, direction| mask | comes(direction) << direction);
+        if let Some(one_way) = &mut self.one_way {
+            one_way.entries[place as usize] = mask;
+        }
     }
 
     /// Number of rows.
@@ -136,18 +187,29 @@ impl Grid {
         let place = self.place(cell);
         self.free[place as usize] = free;
         self.exits[place as usize] = self.exits_of(place);
-        for direction in 0..8 {
-            let near = self.step(place, direction);
+        let near: [Place; 8] = std::array::from_fn(|direction| self.step(place, direction as u8));
+        for near in near {
             self.exits[near as usize] = self.exits_of(near);
+        }
+        if self.one_way.is_some() {
+            for changed in near.into_iter().chain([place]) {
+                for direction in 0..8 {
+                    let beyond = self.step(changed, direction);
+                    if self.free_at(beyond) {
+                        self.enter(beyond);
+                    }
+                }
+                self.enter(changed);
+            }
         }
         true
     }
 
     /// The cells that are free here and not there, or the other way round, with what they are here; `None` if one grid
-    /// has another size or other neighbours.
+    /// has another size, other neighbours or other one-way streets.
     pub fn changes_from(&self, other: &Self) -> Option<Vec<(u32, bool)>> {
         let shape = |grid: &Self| (grid.rows, grid.cols, grid.neighbors);
-        if shape(self) != shape(other) {
+        if shape(self) != shape(other) || self.one_way != other.one_way {
             return None;
         }
         // Whole rows are compared at once.
@@ -226,6 +288,15 @@ impl Grid {
         self.exits[place as usize]
     }
 
+    /// The directions of the neighbours from which a robot may come to a place, as a mask.
+    #[inline]
+    pub(crate) fn entries(&self, place: Place) -> u8 {
+        match &self.one_way {
+            None => self.exits(place),
+            Some(one_way) => one_way.entries[place as usize],
+        }
+    }
+
     fn exits_of(&self, place: Place) -> u8 {
         if !self.free_at(place) {
             return 0;
@@ -242,7 +313,10 @@ impl Grid {
                 mask |= u8::from(both && open(direction)) << direction;
             }
         }
-        mask
+        match &self.one_way {
+            None => mask,
+            Some(one_way) => mask & one_way.allowed[place as usize],
+        }
     }
 }
 
@@ -318,6 +392,25 @@ mod tests {
             assert_eq!(changed.exits, fresh.exits);
             assert!(!changed.set_free(9, true));
         }
+    }
+
+    #[test]
+    fn one_way_streets_are_left_and_entered_in_one_direction() {
+        // East along the first row, south in the last column, and diagonally down to the right.
+        let masks = [0x22, 0x04, 0x00, 0x00];
+        let mut grid = grid(&["..", ".."], Neighbors::Eight).with_moves(&masks);
+        let masks = |grid: &Grid, cell: u32| {
+            let place = grid.place(cell);
+            (grid.exits(place), grid.entries(place))
+        };
+        assert_eq!(masks(&grid, 0), (1 << EAST | 1 << SOUTH_EAST, 0));
+        assert_eq!(masks(&grid, 1), (1 << SOUTH, 1 << WEST));
+        assert_eq!(masks(&grid, 3), (0, 1 << NORTH | 1 << NORTH_WEST));
+        assert!(grid.set_free(1, false));
+        assert_eq!(masks(&grid, 0), (0, 0));
+        assert_eq!(masks(&grid, 3), (0, 0));
+        assert!(grid.set_free(1, true));
+        assert_eq!(masks(&grid, 3), (0, 1 << NORTH | 1 << NORTH_WEST));
     }
 
     #[test]

@@ -61,6 +61,8 @@ struct Tree<C> {
     entries: u32,
     root: Place,
     target: Place,
+    /// The root is the goal: costs are those of ways to it.
+    backwards: bool,
     /// k_m.
     moved: C,
 }
@@ -73,6 +75,7 @@ impl<C: Cost> Default for Tree<C> {
             entries: 0,
             root: 0,
             target: 0,
+            backwards: false,
             moved: C::default(),
         }
     }
@@ -89,11 +92,12 @@ fn further<C: Cost>(cost: C, direction: u8) -> C {
 }
 
 impl<C: Cost> Tree<C> {
-    fn begin(&mut self, grid: &Grid, root: Place, target: Place) {
+    fn begin(&mut self, grid: &Grid, [root, target]: [Place; 2], method: Method) {
         self.nodes.begin(grid.places());
         self.open.clear();
         (self.entries, self.moved) = (0, C::default());
         (self.root, self.target) = (root, target);
+        self.backwards = method == Method::DStarLite;
         self.nodes.entry(root).rhs = C::default();
         self.update(grid, root);
     }
@@ -128,13 +132,31 @@ impl<C: Cost> Tree<C> {
         self.nodes.entry(place).entry = entry;
     }
 
+    /// The directions of the neighbours whose costs make that of a place.
+    fn before(&self, grid: &Grid, place: Place) -> u8 {
+        if self.backwards {
+            grid.exits(place)
+        } else {
+            grid.entries(place)
+        }
+    }
+
+    /// The directions of the neighbours whose costs a place makes.
+    fn after(&self, grid: &Grid, place: Place) -> u8 {
+        if self.backwards {
+            grid.entries(place)
+        } else {
+            grid.exits(place)
+        }
+    }
+
     /// Computes `rhs` of a place from its neighbours.
     fn look_around(&mut self, grid: &Grid, place: Place) {
         if place == self.root {
             return;
         }
         let mut best = C::FAR;
-        for direction in directions(grid.exits(place)) {
+        for direction in directions(self.before(grid, place)) {
             let near = grid.step(place, direction);
             let g = self.nodes.get(near).unwrap_or_default().g;
             let cost = further(g, direction);
@@ -181,7 +203,7 @@ impl<C: Cost> Tree<C> {
             expansions += 1;
             if node.rhs.less(node.g) {
                 self.nodes.entry(place).g = node.rhs;
-                for direction in directions(grid.exits(place)) {
+                for direction in directions(self.after(grid, place)) {
                     let near = grid.step(place, direction);
                     let cost = further(node.rhs, direction);
                     let other = self.nodes.entry(near);
@@ -194,7 +216,7 @@ impl<C: Cost> Tree<C> {
                 self.nodes.entry(place).g = C::FAR;
                 self.look_around(grid, place);
                 self.update(grid, place);
-                for direction in directions(grid.exits(place)) {
+                for direction in directions(self.after(grid, place)) {
                     let near = grid.step(place, direction);
                     // Only those are concerned who came from here.
                     if self.nodes.entry(near).rhs == further(node.g, direction) {
@@ -233,7 +255,7 @@ impl<C: Cost> Tree<C> {
         path.push(grid.cell(place));
         while place != self.root {
             let mut best = (C::FAR, place);
-            for direction in directions(grid.exits(place)) {
+            for direction in directions(self.before(grid, place)) {
                 let near = grid.step(place, direction);
                 let g = self.nodes.get(near).unwrap_or_default().g;
                 let cost = further(g, opposite(direction));
@@ -311,10 +333,10 @@ impl Incremental {
 
 impl Method {
     /// Root and target of the search.
-    fn ends(self, start: Place, goal: Place) -> (Place, Place) {
+    fn ends(self, start: Place, goal: Place) -> [Place; 2] {
         match self {
-            Self::LpaStar => (start, goal),
-            Self::DStarLite => (goal, start),
+            Self::LpaStar => [start, goal],
+            Self::DStarLite => [goal, start],
         }
     }
 }
@@ -342,17 +364,17 @@ impl Search for Incremental {
                 None => Answer::new(Outcome::NoPath, 0),
             };
         }
-        let (root, target) = self.method.ends(grid.place(start), grid.place(goal));
+        let ends = self.method.ends(grid.place(start), grid.place(goal));
         let from_start = self.method == Method::LpaStar;
         match grid.neighbors() {
             Neighbors::Four => {
                 let tree = &mut self.trees.four;
-                tree.begin(grid, root, target);
+                tree.begin(grid, ends, self.method);
                 tree.solve(grid, from_start, limit, path)
             }
             Neighbors::Eight => {
                 let tree = &mut self.trees.eight;
-                tree.begin(grid, root, target);
+                tree.begin(grid, ends, self.method);
                 tree.solve(grid, from_start, limit, path)
             }
         }
@@ -408,10 +430,10 @@ impl Replanner {
 
     fn begin(&mut self) {
         let (start, goal) = (self.grid.place(self.start), self.grid.place(self.goal));
-        let (root, target) = self.method.ends(start, goal);
+        let ends = self.method.ends(start, goal);
         match self.grid.neighbors() {
-            Neighbors::Four => self.trees.four.begin(&self.grid, root, target),
-            Neighbors::Eight => self.trees.eight.begin(&self.grid, root, target),
+            Neighbors::Four => self.trees.four.begin(&self.grid, ends, self.method),
+            Neighbors::Eight => self.trees.eight.begin(&self.grid, ends, self.method),
         }
     }
 

@@ -83,9 +83,19 @@ impl<C: Cost> Nodes<C> {
     /// The directions that lead on from a place: all exits but the way back.
     #[inline]
     pub(crate) fn onward(&self, grid: &Grid, place: Place) -> u8 {
+        grid.exits(place) & !self.back(place)
+    }
+
+    /// The same where the search began at the goal: the directions of those who come here.
+    #[inline]
+    pub(crate) fn onward_back(&self, grid: &Grid, place: Place) -> u8 {
+        grid.entries(place) & !self.back(place)
+    }
+
+    #[inline]
+    fn back(&self, place: Place) -> u8 {
         // `NOWHERE` becomes a bit that no mask has.
-        let back = 1_u32 << opposite(self.direction(place));
-        grid.exits(place) & !(back as u8)
+        (1_u32 << opposite(self.direction(place))) as u8
     }
 
     /// The cells from the start of the search to a place.

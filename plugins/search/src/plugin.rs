@@ -6,7 +6,7 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Motion,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Motion, ONE_AGENT,
     SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
@@ -30,6 +30,8 @@ pub trait Variety: DeserializeOwned + JsonSchema + 'static {
     const ABOUT: &'static str;
     /// The motion of its robot.
     const MOTION: Motion = Motion::Pebble;
+    /// True if it knows one-way streets.
+    const ONE_WAY: bool = true;
     /// The search behind the planner.
     type Search: Search;
     /// Makes that from the options, or says what is wrong with them.
@@ -53,12 +55,19 @@ impl<V: Variety> Plugin for GridPlanner<V> {
             Capability::EightConnected,
             Capability::Deterministic,
         ];
-        let all: Vec<_> = common.iter().chain(motion).copied().collect();
+        let one_way = V::ONE_WAY.then_some(Capability::MoveMask);
+        let all: Vec<_> = common
+            .iter()
+            .chain(motion)
+            .copied()
+            .chain(one_way)
+            .collect();
         Descriptor {
             name: V::NAME.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             license: env!("CARGO_PKG_LICENSE").into(),
             capabilities: Capabilities::of(&all),
+            features: vec![ONE_AGENT.into()],
             options_schema: options_schema::<V>(),
             ..Descriptor::new(Kind::Planner, V::ID, format!("{} One agent.", V::ABOUT))
         }
@@ -101,8 +110,13 @@ impl<V: Variety> Planner for GridPlanner<V> {
             }
         };
         let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
-        Grid::new(grid.rows, grid.cols, &passable, neighbors)
-            .ok_or_else(|| unsupported("the map has more than 2^31 cells, or none"))
+        let map = Grid::new(grid.rows, grid.cols, &passable, neighbors)
+            .ok_or_else(|| unsupported("the map has more than 2^31 cells, or none"))?;
+        Ok(if grid.is_plain() {
+            map
+        } else {
+            map.with_moves(&grid.moves)
+        })
     }
 
     fn plan(
@@ -135,7 +149,10 @@ impl<V: Variety> Planner for GridPlanner<V> {
                 Status::GaveUp,
                 "nothing is left to search, but not everything was searched",
             ),
-            Outcome::Stopped(Stop::Nodes) => failed(Status::TimedOut, "the node limit was reached"),
+            Outcome::Stopped(Stop::Nodes) => failed(
+                Status::GaveUp,
+                "the limit of nodes was reached before a path was found",
+            ),
             Outcome::Stopped(Stop::Told) => {
                 failed(Status::TimedOut, "the budget ended before a path was found")
             }
@@ -361,6 +378,7 @@ impl Variety for ThetaOptions {
     const ABOUT: &'static str = "Theta*: any-angle paths, short but not always shortest; looks \
          for a line of sight to every place that is found (Nash, Daniel, Koenig, Felner, 2007).";
     const MOTION: Motion = Motion::AnyAngle;
+    const ONE_WAY: bool = false;
     type Search = ThetaStar;
 
     fn search(self) -> Result<ThetaStar, String> {
@@ -393,6 +411,7 @@ impl Variety for LazyThetaOptions {
     const ABOUT: &'static str = "Lazy Theta*: any-angle paths, short but not always shortest; \
          looks for a line of sight to places that are expanded (Nash, Koenig, Tovey, 2010).";
     const MOTION: Motion = Motion::AnyAngle;
+    const ONE_WAY: bool = false;
     type Search = ThetaStar;
 
     fn search(self) -> Result<ThetaStar, String> {
@@ -446,6 +465,8 @@ impl Variety for JumpPointOptions {
     const NAME: &'static str = "Jump point search";
     const ABOUT: &'static str = "Jump point search: A* that goes straight on until there is a \
          reason to turn; shortest paths (Harabor, Grastien, 2011).";
+    // What it leaves out is symmetric only where every move can be undone.
+    const ONE_WAY: bool = false;
     type Search = JumpPoint;
 
     fn search(self) -> Result<JumpPoint, String> {

@@ -13,6 +13,8 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
+use fleetyard_abi::leftovers::Leftover;
+
 use crate::conflict::FOREVER;
 use crate::constraints::Constraints;
 use crate::graph::Vertex;
@@ -82,7 +84,7 @@ struct State {
 #[derive(Debug, Clone)]
 pub struct Astar<'g> {
     poses: Poses<'g>,
-    states: Vec<State>,
+    states: Leftover<Vec<State>>,
     table: Table,
     /// States within the bound: fewest collisions, then least cost, then latest.
     focal: BinaryHeap<Reverse<(u64, u32)>>,
@@ -101,7 +103,7 @@ impl<'g> Astar<'g> {
     pub fn new(poses: Poses<'g>) -> Self {
         Self {
             poses,
-            states: Vec::new(),
+            states: Leftover::default(),
             table: Table::default(),
             focal: BinaryHeap::new(),
             beyond: VecDeque::new(),

@@ -27,7 +27,11 @@ impl<'g> Digraph<'g> {
     /// The next vertex of `v` after direction `from`, forwards or backwards, and its direction.
     fn next(&self, v: Vertex, from: usize, backwards: bool) -> Option<(usize, Vertex)> {
         (from..DIRECTIONS).find_map(|d| {
-            let u = self.graph.around(v)[d];
+            let u = if backwards {
+                self.graph.sources(v)[d]
+            } else {
+                self.graph.around(v)[d]
+            };
             let leads = u != self.graph.wall()
                 && if backwards {
                     self.moves[u as usize] >> ((d + 2) % DIRECTIONS) & 1 == 1

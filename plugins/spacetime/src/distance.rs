@@ -11,6 +11,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use fleetyard_abi::leftovers::Leftover;
+
 use crate::graph::{DIRECTIONS, Graph, Vertex};
 use crate::lanes::Lanes;
 use crate::sipp::{Guidance, Team};
@@ -26,9 +28,9 @@ const WALL: u16 = u16::MAX;
 pub struct Distances<'g> {
     graph: &'g Graph,
     /// Distance plus one, zero where unknown; `stride` entries per agent.
-    table: Vec<u16>,
+    table: Leftover<Vec<u16>>,
     stride: usize,
-    searches: Vec<Search>,
+    searches: Leftover<Vec<Search>>,
     /// Buffer for the level under construction.
     spare: Vec<Vertex>,
 }
@@ -56,9 +58,9 @@ impl<'g> Distances<'g> {
         }
         Self {
             graph,
-            table,
+            table: Leftover::new(table),
             stride,
-            searches,
+            searches: Leftover::new(searches),
             spare: Vec::new(),
         }
     }
@@ -131,7 +133,7 @@ impl<'g> Distances<'g> {
         let next = &mut self.spare;
         next.clear();
         for &v in &search.frontier {
-            for &u in self.graph.around(v) {
+            for &u in self.graph.sources(v) {
                 let entry = &mut row[u as usize];
                 if *entry == 0 {
                     *entry = mark;
@@ -188,6 +190,9 @@ impl Guidance for Towards<'_, '_> {
     }
 }
 
+/// States of a [`Table`] between two looks at the clock.
+const PATIENCE: usize = 1 << 14;
+
 /// Entry of a [`Table`] from where the goal cannot be reached.
 const UNREACHABLE: u16 = u16::MAX;
 
@@ -204,6 +209,18 @@ pub struct Table {
 impl Table {
     /// The table of a goal, for robots that turn or for pebbles.
     pub fn new(graph: &Graph, goal: Vertex, turning: bool, lanes: Option<&Lanes>) -> Self {
+        let table = Self::within(graph, goal, turning, lanes, &mut || false);
+        table.unwrap_or_else(|| unreachable!("nobody stops it"))
+    }
+
+    /// The same, unless `stop`, asked now and then, says so before it is made.
+    pub fn within(
+        graph: &Graph,
+        goal: Vertex,
+        turning: bool,
+        lanes: Option<&Lanes>,
+        stop: &mut dyn FnMut() -> bool,
+    ) -> Option<Self> {
         let shift = if turning { 2 } else { 0 };
         let mut steps = vec![UNREACHABLE; (graph.len() + 1) << shift].into_boxed_slice();
         let headings = 1 << shift;
@@ -218,10 +235,17 @@ impl Table {
             steps[state as usize] = 0;
         }
         let mut waiting = levels[0].len();
-        let mut distance = 0;
+        let (mut distance, mut unlooked) = (0, 0);
         while waiting > 0 {
             let mut level = std::mem::take(&mut levels[distance as usize % count]);
             waiting -= level.len();
+            unlooked += level.len();
+            if unlooked >= PATIENCE {
+                unlooked = 0;
+                if stop() {
+                    return None;
+                }
+            }
             // What is further than the largest distance is left unreachable.
             let mut reach = |state: u32, charge: u32| {
                 let entry = &mut steps[state as usize];
@@ -236,7 +260,7 @@ impl Table {
                 let (v, heading) = (state >> shift, state & (headings - 1));
                 if turning {
                     // Whoever looks this way here has come from behind, or has turned.
-                    let behind = graph.around(v)[(heading as usize + 2) % DIRECTIONS];
+                    let behind = graph.sources(v)[(heading as usize + 2) % DIRECTIONS];
                     if behind != graph.wall() {
                         let charge = charge(behind, heading as usize);
                         reach((behind << shift) + heading, charge);
@@ -244,7 +268,7 @@ impl Table {
                     reach((v << shift) + (heading + 1) % 4, 0);
                     reach((v << shift) + (heading + 3) % 4, 0);
                 } else {
-                    for (back, &u) in graph.around(v).iter().enumerate() {
+                    for (back, &u) in graph.sources(v).iter().enumerate() {
                         if u != graph.wall() {
                             reach(u, charge(u, (back + 2) % DIRECTIONS));
                         }
@@ -255,7 +279,7 @@ impl Table {
             levels[distance as usize % count] = level;
             distance += 1;
         }
-        Self { steps, shift }
+        Some(Self { steps, shift })
     }
 
     /// Bytes of a table.

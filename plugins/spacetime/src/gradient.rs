@@ -44,6 +44,9 @@ struct Row {
     goal: Vertex,
     codes: Box<[u8]>,
     milestones: Box<[u32]>,
+    /// All distances, where streets are one-way: those of neighbours differ by more than one then, and
+    /// codes do not tell which is nearer. Empty elsewhere.
+    distances: Box<[u32]>,
     /// The edge of the search: all vertices at distance `level`.
     frontier: Vec<Vertex>,
     level: u32,
@@ -83,6 +86,9 @@ impl Row {
         if (v as usize).is_multiple_of(MILESTONE) {
             self.milestones[v as usize / MILESTONE] = distance;
         }
+        if let Some(entry) = self.distances.get_mut(v as usize) {
+            *entry = distance;
+        }
     }
 
     /// Carries the search on until it has met `v`. False when there is no way.
@@ -102,7 +108,7 @@ impl Row {
             let frontier = std::mem::take(&mut self.frontier);
             spare.clear();
             for &at in &frontier {
-                for &u in graph.around(at) {
+                for &u in graph.sources(at) {
                     if self.code(u) == UNKNOWN {
                         self.mark(u, code);
                         self.reach(u, level);
@@ -170,7 +176,7 @@ impl Gradients {
             return fits(labels.bytes());
         }
         let tables = Rows::bytes(graph).saturating_mul(goals as u64);
-        if self.labels.is_none() && tables > graph.len() as u64 * SHORTEST {
+        if self.labels.is_none() && !graph.is_directed() && tables > graph.len() as u64 * SHORTEST {
             self.labels = Some(Ok(Labels::new(graph)));
         }
         if let Some(Ok(labels)) = &mut self.labels
@@ -285,6 +291,8 @@ impl Rows {
     fn bytes(graph: &Graph) -> u64 {
         let vertices = graph.len() + 1;
         let codes = vertices.div_ceil(PER_BYTE);
+        let distances = if graph.is_directed() { vertices } else { 0 };
+        let codes = codes + distances * size_of::<u32>();
         (codes + vertices.div_ceil(MILESTONE) * size_of::<u32>() + size_of::<Row>()) as u64
     }
 
@@ -318,6 +326,7 @@ impl Rows {
             goal: 0,
             codes: vec![UNKNOWN; vertices.div_ceil(PER_BYTE)].into(),
             milestones: vec![0; vertices.div_ceil(MILESTONE)].into(),
+            distances: vec![0; if graph.is_directed() { vertices } else { 0 }].into(),
             frontier: Vec::new(),
             level: 0,
             holders: 0,
@@ -355,6 +364,9 @@ impl Rows {
         if !row.reaches(graph, v, &mut self.spare) {
             return None;
         }
+        if let Some(distance) = row.distances.get(v as usize) {
+            return Some(*distance);
+        }
         let (mut v, mut steps) = (v, 0);
         while !(v as usize).is_multiple_of(MILESTONE) && v != row.goal {
             let code = nearer(row.code(v));
@@ -382,10 +394,15 @@ impl Rows {
             return 0;
         }
         let (code, wall) = (nearer(row.code(v)), graph.wall());
+        let here = row.distances.get(v as usize).copied();
         let mut directions = 0;
         for d in 0..DIRECTIONS {
             let u = graph.around(v)[d];
-            directions |= u8::from(u != wall && row.code(u) == code) << d;
+            let mut leads = u != wall && row.code(u) == code;
+            if let Some(here) = here {
+                leads &= row.distances[u as usize] < here;
+            }
+            directions |= u8::from(leads) << d;
         }
         directions
     }
@@ -394,16 +411,22 @@ impl Rows {
     #[inline]
     fn nearer(&mut self, graph: &Graph, at: u32, a: Vertex, b: Vertex) -> bool {
         let row = &mut self.kept[at as usize];
+        if !row.reaches(graph, a, &mut self.spare) {
+            return false;
+        }
         // If only one of two neighbours is known, it is the nearer one.
-        row.reaches(graph, a, &mut self.spare)
-            && matches!(row.code(b), code if code == UNKNOWN || code == further(row.code(a)))
+        match (row.code(b), row.distances.get(a as usize)) {
+            (UNKNOWN, _) => true,
+            (code, None) => code == further(row.code(a)),
+            (_, Some(distance)) => *distance < row.distances[b as usize],
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::distance::Distances;
+    use crate::distance::{Distances, Table};
     use crate::random::Random;
 
     /// A map with a third of its cells blocked, so that some are cut off.
@@ -411,6 +434,17 @@ mod tests {
         let mut random = Random::new(seed, 0);
         let passable: Vec<bool> = (0..side * side).map(|_| !random.one_in(3)).collect();
         Graph::new(side, side, &passable)
+    }
+
+    /// A map of which a third of the moves are forbidden, each way by itself.
+    fn one_way(side: usize, seed: u64) -> Graph {
+        let mut random = Random::new(seed, 2);
+        let moves: Vec<u8> = (0..side * side)
+            .map(|_| (0..4).fold(0, |mask, d| mask | u8::from(!random.one_in(3)) << d))
+            .collect();
+        let graph = Graph::with_moves(side, side, &vec![true; side * side], &moves);
+        assert!(graph.is_directed());
+        graph
     }
 
     /// Questions in any order, with goals that come and go.
@@ -459,6 +493,45 @@ mod tests {
             let rows = gradients.rows;
             assert!(rows.kept.len() <= 9, "{}", rows.kept.len());
             assert!(rows.idle.len() <= 2 * rows.kept.len() + 1);
+        }
+    }
+
+    #[test]
+    fn distances_are_those_of_ways_along_one_way_streets() {
+        for seed in 0..20 {
+            let graph = one_way(9, seed);
+            let goal = Random::new(seed, 3).below(graph.len()) as Vertex;
+            let mut distances = Distances::new(&graph, &[goal]);
+            let table = Table::new(&graph, goal, false, None);
+            for start in 0..graph.len() as Vertex {
+                // Breadth first along the streets, from the start.
+                let mut steps = vec![u32::MAX; graph.len()];
+                steps[start as usize] = 0;
+                let mut queue = VecDeque::from([start]);
+                while let Some(v) = queue.pop_front() {
+                    for u in graph.neighbors(v) {
+                        if steps[u as usize] == u32::MAX {
+                            steps[u as usize] = steps[v as usize] + 1;
+                            queue.push_back(u);
+                        }
+                    }
+                }
+                let truth = steps[goal as usize];
+                assert_eq!(distances.get(0, start), truth);
+                assert_eq!(table.get(start, 0), truth.min(u32::from(u16::MAX)));
+            }
+        }
+    }
+
+    #[test]
+    fn tables_agree_with_searches_along_one_way_streets() {
+        for seed in 0..20 {
+            let graph = one_way(24, seed);
+            let mut gradients = Gradients::new(&graph, 3 * Rows::bytes(&graph));
+            let ready = gradients.expect(&graph, 10_000, u64::MAX, &mut || false);
+            assert_eq!(ready, Expected::Ready);
+            assert!(gradients.labels().is_none());
+            agrees(&graph, &mut gradients, &mut Random::new(seed, 1));
         }
     }
 

@@ -3,8 +3,11 @@
 //!
 //! Not a general graph. Every planner here relies on two properties of the
 //! 4-connected grid: a vertex has at most four neighbours, and the graph is
-//! bipartite, so that the distance to any target differs by exactly one between
-//! neighbours.
+//! bipartite, so that the distance to any target differs by an odd number between
+//! neighbours: by exactly one where no street is one-way.
+//!
+//! Streets may be one-way: [`Graph::around`] is where one gets from a vertex, [`Graph::sources`] where
+//! one comes from. Searches from goals go by the second.
 
 use fleetyard_abi::Heading;
 
@@ -42,6 +45,8 @@ pub fn heading(direction: u8) -> Heading {
 #[derive(Debug, Clone)]
 pub struct Graph {
     neighbors: Vec<[Vertex; DIRECTIONS]>,
+    /// Where one comes from, where that is not everywhere where one gets.
+    sources: Option<Vec<[Vertex; DIRECTIONS]>>,
     degrees: Vec<u8>,
     open: Vec<bool>,
     cells: Vec<u32>,
@@ -61,7 +66,6 @@ impl Graph {
             cells.push(cell as u32);
         }
         let mut neighbors = Vec::with_capacity(count + 1);
-        let mut degrees = Vec::with_capacity(count + 1);
         for &cell in &cells {
             let (row, col) = (cell as usize / cols, cell as usize % cols);
             let at = |inside: bool, cell: usize| if inside { vertices[cell] } else { wall };
@@ -72,17 +76,57 @@ impl Graph {
                 at(row + 1 < rows, cell + cols),
                 at(col > 0, cell.wrapping_sub(1)),
             ];
-            degrees.push(around.iter().filter(|&&v| v != wall).count() as u8);
             neighbors.push(around);
         }
         neighbors.push([wall; DIRECTIONS]);
-        degrees.push(0);
+        Self::from_parts(neighbors, None, cells, vertices, cols)
+    }
+
+    /// The same with one-way streets: bit d of a cell's mask allows the move from there in direction d
+    /// to a passable neighbour.
+    pub fn with_moves(rows: usize, cols: usize, passable: &[bool], moves: &[u8]) -> Self {
+        let whole = Self::new(rows, cols, passable);
+        let wall = whole.wall();
+        let may = |v: Vertex, d: usize| moves[whole.cell(v) as usize] >> d & 1 == 1;
+        let lead = |v: Vertex, d: usize, allowed: bool| {
+            let u = whole.around(v)[d];
+            if u != wall && allowed { u } else { wall }
+        };
+        let vertices = || 0..whole.len() as Vertex;
+        let mut neighbors: Vec<_> = vertices()
+            .map(|v| std::array::from_fn(|d| lead(v, d, may(v, d))))
+            .collect();
+        let back = |v: Vertex, d: usize| {
+            let u = whole.around(v)[d];
+            u != wall && may(u, (d + 2) % DIRECTIONS)
+        };
+        let mut sources: Vec<_> = vertices()
+            .map(|v| std::array::from_fn(|d| lead(v, d, back(v, d))))
+            .collect();
+        neighbors.push([wall; DIRECTIONS]);
+        sources.push([wall; DIRECTIONS]);
+        let sources = (sources != neighbors).then_some(sources);
+        Self::from_parts(neighbors, sources, whole.cells, whole.vertices, cols)
+    }
+
+    fn from_parts(
+        neighbors: Vec<[Vertex; DIRECTIONS]>,
+        sources: Option<Vec<[Vertex; DIRECTIONS]>>,
+        cells: Vec<u32>,
+        vertices: Vec<Vertex>,
+        cols: usize,
+    ) -> Self {
+        let wall = cells.len() as Vertex;
+        let degree =
+            |around: &[Vertex; DIRECTIONS]| around.iter().filter(|&&v| v != wall).count() as u8;
+        let degrees: Vec<u8> = neighbors.iter().map(degree).collect();
         let leads_on = |v: &Vertex| degrees[*v as usize] > 1;
         let open =
             |around: &[Vertex; DIRECTIONS]| around.iter().filter(|v| leads_on(v)).count() > 2;
         let open = neighbors.iter().map(open).collect();
         Self {
             neighbors,
+            sources,
             degrees,
             open,
             cells,
@@ -108,7 +152,19 @@ impl Graph {
         self.cells.len() as Vertex
     }
 
-    /// The four neighbours, [`Graph::wall`] where there is none.
+    /// True if a move somewhere cannot be undone by the opposite one.
+    #[inline]
+    pub fn is_directed(&self) -> bool {
+        self.sources.is_some()
+    }
+
+    /// By direction the neighbours from which a move leads here, [`Graph::wall`] where none does.
+    #[inline]
+    pub fn sources(&self, v: Vertex) -> &[Vertex; DIRECTIONS] {
+        &self.sources.as_ref().unwrap_or(&self.neighbors)[v as usize]
+    }
+
+    /// The four neighbours that a move leads to, [`Graph::wall`] where there is none.
     #[inline]
     pub fn around(&self, v: Vertex) -> &[Vertex; DIRECTIONS] {
         &self.neighbors[v as usize]

@@ -11,6 +11,11 @@ use fleetyard_abi::{
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
+/// The limit of a budget's nodes, for [`Call::unfinished`].
+pub const NODE_LIMIT: &str = "the limit of nodes";
+/// That limit, or that of memory.
+pub const ROOM_LIMIT: &str = "the limit of nodes or memory";
+
 /// Bytes for tables of distances, and again for the search, where the budget says nothing.
 pub const MEMORY: u64 = 1 << 30;
 
@@ -23,6 +28,7 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     /// The method in a sentence or two, with its source.
     const ABOUT: &'static str;
     /// Capabilities besides [`Capability::Grid`] and [`Capability::Deterministic`].
+    /// Those that go by the graph of the map alone take one-way streets.
     const CAPABILITIES: &'static [Capability];
     /// Identifiers of the parts of instances that the method reads.
     const PARTS: &'static [&'static str] = &[];
@@ -160,6 +166,15 @@ impl<'a> Call<'a> {
         (self.budget.nodes > 0).then_some(self.budget.nodes)
     }
 
+    /// The failure of a search that ended before there was `what`: its time was up, or it reached
+    /// another limit.
+    pub fn unfinished(&self, limit: &str, what: &str) -> Failure {
+        if self.stop() {
+            return Failure::new(Status::TimedOut, format!("the budget ended before {what}"));
+        }
+        Failure::new(Status::GaveUp, format!("{limit} was reached before {what}"))
+    }
+
     /// Submits a plan. One that comes too late is no fault.
     pub fn submit<'p>(&self, plan: impl Into<PlanRef<'p>>) {
         let _ = self.sink.submit(plan);
@@ -173,6 +188,15 @@ impl<'a> Call<'a> {
     /// Reports a figure.
     pub fn metric(&self, name: &str, value: f64) {
         self.sink.metric(name, value);
+    }
+}
+
+/// What the budget allows less a quarter, for all that nobody counts: for a search that has no tables
+/// beside.
+pub fn most_of_memory(budget: &Budget) -> u64 {
+    match budget.memory_bytes {
+        0 => 2 * MEMORY,
+        bytes => bytes - bytes / 4,
     }
 }
 

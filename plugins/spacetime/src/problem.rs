@@ -128,7 +128,8 @@ pub enum GoalRule {
     Transient,
 }
 
-/// The graph of a grid. The host has checked that there is one entry for each cell.
+/// The graph of a grid, one-way streets and all. The host has checked that there is one entry for each
+/// cell.
 pub fn graph_of(grid: &GridEnvironment) -> Result<Graph, ProblemError> {
     let (rows, cols) = (grid.rows as usize, grid.cols as usize);
     if rows.checked_mul(cols) != Some(grid.passable.len())
@@ -138,7 +139,11 @@ pub fn graph_of(grid: &GridEnvironment) -> Result<Graph, ProblemError> {
         return Err(ProblemError::Malformed { reason });
     }
     let passable: Vec<bool> = grid.passable.iter().map(|free| *free != 0).collect();
-    Ok(Graph::new(rows, cols, &passable))
+    Ok(if grid.is_plain() {
+        Graph::new(rows, cols, &passable)
+    } else {
+        Graph::with_moves(rows, cols, &passable, &grid.moves)
+    })
 }
 
 /// The vertex of a cell that an agent begins or ends at.
@@ -219,8 +224,8 @@ impl Ground {
         &self.graph
     }
 
-    /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked between
-    /// tables, ends the work early.
+    /// The problem of an instance, which fits the map ([`Instance::check`]). `stop`, asked often, ends
+    /// the work early.
     pub fn problem(
         &mut self,
         instance: &Instance,
@@ -270,9 +275,15 @@ impl Ground {
                 };
                 let key = (goal, turning, lanes.is_some());
                 let bytes = Table::bytes(&graph, turning);
-                let make = || Table::new(&graph, goal, turning, lanes.as_deref());
-                let table = self.tables.get(key, bytes, make);
-                let table = table.ok_or(memory)?;
+                let table = match self.tables.kept(key) {
+                    Some(table) => table,
+                    None => {
+                        let made =
+                            Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
+                        let made = made.ok_or(ProblemError::Stopped)?;
+                        self.tables.get(key, bytes, || made).ok_or(memory)?
+                    }
+                };
                 route.goals.push(goal);
                 route.tables.push(table);
                 if stop() {

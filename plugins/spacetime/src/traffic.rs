@@ -9,13 +9,18 @@ use crate::graph::Vertex;
 /// Bytes that counts may take; steps beyond that are not counted.
 const MOST_COUNTS: usize = 1 << 28;
 
+/// Counts that are allocated at a time: so many that the system gives memory only for the pages of them
+/// that agents come to.
+const BLOCK: usize = 1 << 18;
+
 /// The paths of a team with their conflicts and the number of agents per step and cell.
 #[derive(Debug, Clone)]
 pub struct Traffic {
     conflicts: Conflicts,
     vertices: usize,
-    /// Agents per step and cell, row by row; parked ones are not in it.
-    counts: Vec<u8>,
+    /// Agents per step and cell, `1 << shift` steps in a block; parked ones are not in it.
+    counts: Vec<Vec<u8>>,
+    shift: u32,
     /// Step at which the first of those who park in a cell arrives.
     parked: Vec<u32>,
     horizon: u32,
@@ -28,6 +33,7 @@ impl Traffic {
             conflicts: Conflicts::new(vertices, agents, rules),
             vertices,
             counts: Vec::new(),
+            shift: (BLOCK / vertices.max(1)).max(1).ilog2(),
             parked: vec![FOREVER; vertices],
             horizon: 0,
         }
@@ -65,9 +71,9 @@ impl Traffic {
         self.horizon = self.horizon.max((path.len() as u32).saturating_add(delay));
         let most = (MOST_COUNTS / self.vertices.max(1)) as u32;
         let steps = self.horizon.min(until.saturating_add(1)).min(most);
-        let size = steps as usize * self.vertices;
-        if self.counts.len() < size {
-            self.counts.resize(size, 0);
+        let (blocks, size) = (steps.div_ceil(1 << self.shift), self.vertices << self.shift);
+        while self.counts.len() < blocks as usize {
+            self.counts.push(vec![0; size]);
         }
         for (v, from, until, _) in stays(path) {
             let begin = from.saturating_sub(delay);
@@ -81,27 +87,41 @@ impl Traffic {
                 until.saturating_add(delay).saturating_add(1)
             };
             for time in begin..end.min(steps) {
-                let count = &mut self.counts[time as usize * self.vertices + v as usize];
+                let (block, at) = self.place(v, time);
+                let count = &mut self.counts[block][at];
                 *count = count.saturating_add_signed(change);
             }
         }
     }
 
+    /// The block of a count, and its place there.
+    #[inline]
+    fn place(&self, v: Vertex, time: u32) -> (usize, usize) {
+        let row = time as usize & ((1 << self.shift) - 1);
+        (
+            (time >> self.shift) as usize,
+            row * self.vertices + v as usize,
+        )
+    }
+
+    /// Number of agents that are somewhere and not parked there.
+    #[inline]
+    fn count(&self, v: Vertex, time: u32) -> u8 {
+        let (block, at) = self.place(v, time);
+        self.counts.get(block).map_or(0, |block| block[at])
+    }
+
     /// Number of conflicts of an agent that goes from `from` to `to` and is there at `time`.
     #[inline]
     pub fn collisions(&self, agent: u32, from: Vertex, to: Vertex, time: u32) -> u32 {
-        let row = time as usize * self.vertices;
-        let there = self.counts.get(row + to as usize).copied().unwrap_or(0);
+        let there = self.count(to, time);
         let parked = u32::from(self.parked[to as usize] <= time);
         let count = u32::from(there) + parked;
         if from == to {
             return count;
         }
         // Whoever swaps or goes on in a ring leaves the cell that this one enters.
-        let before = self
-            .counts
-            .get((row + to as usize).wrapping_sub(self.vertices));
-        if before.is_none_or(|&before| before == 0) {
+        if time == 0 || self.count(to, time - 1) == 0 {
             return count;
         }
         count + self.moves(agent, from, to, time - 1)

@@ -30,7 +30,7 @@ use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use crate::args::{
     DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, duration,
-    duration_text, one_of, picture as picture_file, size, word,
+    duration_text, nodes, one_of, picture as picture_file, size, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{draw_document, keep, trace_file};
@@ -248,9 +248,8 @@ pub(super) struct FleetAsked {
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     plugin_threads: u32,
     /// Most search nodes, for planners that count them [default: no limit]
-    #[arg(long, help_heading = LIMITS, value_name = "N", default_value_t = FleetConfig::default().allowance.nodes,
-          hide_default_value = true)]
-    nodes: u64,
+    #[arg(long, help_heading = LIMITS, value_name = "N", value_parser = nodes)]
+    nodes: Option<u64>,
     /// Memory of all processes of a plugin together [default: half of the machine's]
     #[arg(long, help_heading = LIMITS, value_name = "SIZE", value_parser = size)]
     memory: Option<u64>,
@@ -670,7 +669,9 @@ pub(super) fn asked_config(
             grace_s: asked.grace,
             threads: asked.plugin_threads,
             memory_bytes: asked.memory.unwrap_or_else(half_of_memory),
-            nodes: asked.nodes,
+            nodes: asked
+                .nodes
+                .unwrap_or(FleetConfig::default().allowance.nodes),
         },
         sim: SimConfig {
             cell_size_m: asked.cell_size,

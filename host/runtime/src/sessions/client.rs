@@ -87,6 +87,8 @@ pub(crate) struct Client<T: Transport = Process> {
     stderr: Tail,
     /// Of the call that is running, or of the last one.
     call: CallLimits,
+    /// It has answered, and frees memory until it says that it is ready.
+    busy: bool,
     stdin_open: bool,
     stdout_open: bool,
     stderr_open: bool,
@@ -157,7 +159,8 @@ struct Wait<'a> {
     until_ns: u64,
     limit_ms: u64,
     expected: Expected<'a>,
-    /// The request was written, at least its beginning.
+    /// The request was written, at least its beginning. Until then the plugin is waited for to be
+    /// ready for it.
     asked: bool,
 }
 
@@ -183,6 +186,7 @@ impl<T: Transport> Client<T> {
             log: Log::default(),
             stderr: Tail::default(),
             call,
+            busy: false,
             stdin_open: true,
             stdout_open: true,
             stderr_open: true,
@@ -197,10 +201,38 @@ impl<T: Transport> Client<T> {
         self.transport.now_ns()
     }
 
-    /// The next call has limits of its own, which count from here.
-    pub(crate) fn begin(&mut self, call: CallLimits) {
+    /// The next call has limits of its own, which count from here: what is left of the last one is
+    /// gone.
+    pub(crate) fn begin(&mut self, method: &str, call: CallLimits) -> Result<(), Fault> {
+        self.settle(method)?;
         self.call = call;
         self.transport.begin(call, self.limits.grace);
+        Ok(())
+    }
+
+    /// Waits until the plugin has freed what its last call has left.
+    fn settle(&mut self, method: &str) -> Result<(), Fault> {
+        if !self.busy || self.fault.is_some() {
+            return Ok(());
+        }
+        let limit = self.limits.startup;
+        let until_ns = Deadline::after(self.transport.now_ns(), limit).at_ns;
+        let wait = Wait {
+            id: 0,
+            method,
+            deadline_ns: until_ns,
+            until_ns,
+            limit_ms: limit.as_millis() as u64,
+            expected: Expected::NO_PLAN,
+            asked: false,
+        };
+        let notify: Notify<'_> = &mut |_| Ok(());
+        let mut settled = self.hear_unasked(&wait, notify);
+        while self.busy && settled.is_ok() {
+            settled = self.wait_once(&wait, &mut false, notify).map(drop);
+        }
+        self.fault = settled.as_ref().err().cloned();
+        settled
     }
 
     /// The use since then, if somebody watched to the end.
@@ -260,6 +292,7 @@ impl<T: Transport> Client<T> {
         expected: Expected<'_>,
         notify: Notify<'_>,
     ) -> Result<Reply, Fault> {
+        self.settle(method)?;
         if let Some(fault) = &self.fault {
             return Err(fault.clone());
         }
@@ -284,6 +317,7 @@ impl<T: Transport> Client<T> {
             wait.asked = true;
             self.wait(&wait, notify)
         });
+
         self.id = Some(id);
         if let Err(fault) = &answer
             && !fault.is_survivable()
@@ -306,49 +340,59 @@ impl<T: Transport> Client<T> {
         self.handled_ns = 0;
         self.asked_ns = self.transport.now_ns();
         loop {
-            if let Some(fault) = self.unsupervised(wait.method) {
-                self.drain_stderr();
-                return Err(fault);
-            }
-            let now = self.transport.now_ns();
-            if now >= wait.until_ns {
-                let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
-                return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
-            }
-            if self.transport.interrupted() {
-                let during = wait.method.to_owned();
-                return Err(self.stop(wait.method, Fault::Interrupted { during }));
-            }
-            // With a grace, the supervisor says first that a limit is exceeded.
-            let told = now >= wait.deadline_ns || self.transport.over().is_some();
-            if told && !cancelled {
-                cancelled = true;
-                let params = CancelParams { id: wait.id };
-                self.unsent
-                    .extend_from_slice(&wire::line(&Request::notification("$/cancel", params)));
-            }
-            if !self.stdout_open {
-                return Err(self.ended(wait.method));
-            }
-            let until = if now >= wait.deadline_ns {
-                wait.until_ns
-            } else {
-                wait.deadline_ns
-            };
-            let interest = Interest {
-                stdin: self.stdin_open && !self.unsent.is_empty(),
-                stdout: self.stdout_open,
-                stderr: self.stderr_open,
-            };
-            self.transport.wait(interest, until - now);
-            self.write_some();
-            let answer = self.read_stdout(wait, notify)?;
-            self.drain_stderr();
-            self.check_output(wait.method)?;
-            if let Some(answer) = answer {
+            if let Some(answer) = self.wait_once(wait, &mut cancelled, notify)? {
                 return Ok(answer);
             }
         }
+    }
+
+    /// Waits until something has come, or the time is over.
+    fn wait_once(
+        &mut self,
+        wait: &Wait<'_>,
+        cancelled: &mut bool,
+        notify: Notify<'_>,
+    ) -> Result<Option<Reply>, Fault> {
+        if let Some(fault) = self.unsupervised(wait.method) {
+            self.drain_stderr();
+            return Err(fault);
+        }
+        let now = self.transport.now_ns();
+        if now >= wait.until_ns {
+            let (during, limit_ms) = (wait.method.to_owned(), wait.limit_ms);
+            return Err(self.stop(wait.method, Fault::TimedOut { during, limit_ms }));
+        }
+        if self.transport.interrupted() {
+            let during = wait.method.to_owned();
+            return Err(self.stop(wait.method, Fault::Interrupted { during }));
+        }
+        // With a grace, the supervisor says first that a limit is exceeded.
+        let told = now >= wait.deadline_ns || self.transport.over().is_some();
+        if told && wait.asked && !*cancelled {
+            *cancelled = true;
+            let params = CancelParams { id: wait.id };
+            self.unsent
+                .extend_from_slice(&wire::line(&Request::notification("$/cancel", params)));
+        }
+        if !self.stdout_open {
+            return Err(self.ended(wait.method));
+        }
+        let until = if now >= wait.deadline_ns {
+            wait.until_ns
+        } else {
+            wait.deadline_ns
+        };
+        let interest = Interest {
+            stdin: self.stdin_open && !self.unsent.is_empty(),
+            stdout: self.stdout_open,
+            stderr: self.stderr_open,
+        };
+        self.transport.wait(interest, until - now);
+        self.write_some();
+        let answer = self.read_stdout(wait, notify)?;
+        self.drain_stderr();
+        self.check_output(wait.method)?;
+        Ok(answer)
     }
 
     fn write_some(&mut self) {
@@ -490,6 +534,8 @@ impl<T: Transport> Client<T> {
         };
         match message {
             Message::Blank | Message::Ignored => {}
+            Message::Busy => self.busy = true,
+            Message::Ready => self.busy = false,
             Message::Stray => {
                 let text = format!("stdout: {}", line.text());
                 self.stray_lines += 1;
@@ -643,15 +689,17 @@ impl<T: Transport> Client<T> {
     }
 
     /// Asks the plugin to end, gives it `patience`, and makes sure that nothing
-    /// of it is left.
+    /// of it is left. A busy one only hears that it should end: what it frees goes with it.
     pub(crate) fn shut_down(&mut self, patience: Duration) -> (Report, Option<Fault>) {
         let mut fault = None;
         if self.fault.is_none() {
-            let deadline = Deadline::after(self.transport.now_ns(), patience);
-            let expected = Expected::NO_PLAN;
-            fault = self
-                .call("shutdown", (), deadline, expected, &mut |_| Ok(()))
-                .err();
+            if !self.busy {
+                let deadline = Deadline::after(self.transport.now_ns(), patience);
+                let expected = Expected::NO_PLAN;
+                fault = self
+                    .call("shutdown", (), deadline, expected, &mut |_| Ok(()))
+                    .err();
+            }
             self.unsent
                 .extend_from_slice(&wire::line(&Request::notification("exit", ())));
             self.write_some();

@@ -57,6 +57,15 @@ impl InProcess {
         Ok((result.map_err(to_fault(method))?, collected))
     }
 
+    /// Lets the plugin free what a call has left, outside of its time.
+    fn tidy(&mut self) {
+        if let Some(object) = &mut self.object
+            && object.has_leftovers()
+        {
+            self.promises.around("free", || object.free_leftovers());
+        }
+    }
+
     /// Asks for a plan; what it comes to before it is judged.
     fn ask(&mut self, call: &PlanCall<'_>, running: &mut Running) -> Result<Outcome, Fault> {
         let context = call.context()?;
@@ -122,10 +131,12 @@ impl Attachment for InProcess {
                 .and_then(|object| object.prepare(environment, &budget, collector))
                 .unwrap_or_else(|| Err(wrong_object()))
         });
+        let wall = Duration::from_nanos(monotonic_ns() - started);
+        self.tidy();
         self.promises.settle();
         prepared?;
         Ok(CallReport {
-            wall: Duration::from_nanos(monotonic_ns() - started),
+            wall,
             usage: CallUsage::default(),
         })
     }
@@ -136,6 +147,7 @@ impl Attachment for InProcess {
         let mut running = Running::begin(call, budget, monotonic_ns);
         let called = self.ask(call, &mut running);
         let mut ended = running.end(monotonic_ns());
+        self.tidy();
         self.log.append(ended.take_log(), LOG_BYTES);
         // It ended by itself because it was told to.
         let interrupted = interrupted_by().is_some() && !ended.broke_protocol();
@@ -156,17 +168,18 @@ impl Attachment for InProcess {
     fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault> {
         let method = "generate";
         let budget = budget.starting(monotonic_ns());
-        let ((), collected) =
-            self.call(
-                method,
-                budget.answer_by_ns,
-                |_, object, collector| match object {
-                    Some(Object::InstanceGenerator(generator)) => {
-                        generator.generate(state, &budget, collector)
-                    }
-                    _ => Err(wrong_object()),
-                },
-            )?;
+        let generated = self.call(
+            method,
+            budget.answer_by_ns,
+            |_, object, collector| match object {
+                Some(Object::InstanceGenerator(generator)) => {
+                    generator.generate(state, &budget, collector)
+                }
+                _ => Err(wrong_object()),
+            },
+        );
+        self.tidy();
+        let ((), collected) = generated?;
         Ok(Generated {
             request: collected.request.ok_or_else(|| no_request(method))?,
             kept: collected.kept,

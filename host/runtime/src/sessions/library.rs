@@ -331,12 +331,15 @@ trait Raw: Copy {
     fn room() -> Self;
     fn context(&self) -> *mut c_void;
     fn destroy(&self) -> Option<unsafe extern "C" fn(*mut c_void)>;
+    fn get_extension(&self) -> Option<GetExtension>;
     /// True if size and reserved field are right and no function that must be there is missing.
     fn whole(&self) -> bool;
 }
 
 type Create<T> =
     unsafe extern "C" fn(*mut c_void, u32, *const c::Options, *const c::Sink, *mut T) -> i32;
+
+type GetExtension = unsafe extern "C" fn(*mut c_void, c::Str) -> *const c_void;
 
 macro_rules! raw {
     ($kind:ident, $factory:ident, $($call:ident),*) => {
@@ -367,6 +370,10 @@ macro_rules! raw {
                 self.destroy
             }
 
+            fn get_extension(&self) -> Option<GetExtension> {
+                self.get_extension
+            }
+
             fn whole(&self) -> bool {
                 self.struct_size >= size_of::<Self>()
                     && self.reserved == 0
@@ -389,6 +396,8 @@ raw!(InvocationPolicy, InvocationPolicyFactory, should_invoke);
 /// An object that lives in a library.
 struct Foreign<T: Raw> {
     raw: T,
+    /// The functions that free what calls have left, if it has them.
+    leftovers: Option<c::Leftovers>,
     environment: Option<CEnvironment>,
     /// Of the map.
     cells: usize,
@@ -449,11 +458,28 @@ impl<T: Raw> Foreign<T> {
                 "`create` left a structure of the wrong size or without functions",
             ));
         }
-        Ok(Self {
+        let mut made = Self {
             raw,
+            leftovers: None,
             environment: None,
             cells: 0,
-        })
+        };
+        made.leftovers = made.leftovers().map_err(Failure::broke_contract)?;
+        Ok(made)
+    }
+
+    /// The extension that frees what calls have left.
+    fn leftovers(&self) -> Result<Option<c::Leftovers>, String> {
+        let Some(get_extension) = self.raw.get_extension() else {
+            return Ok(None);
+        };
+        // SAFETY: the object is alive, and the text is static.
+        let found = unsafe { get_extension(self.raw.context(), c::Str::new(c::LEFTOVERS_ID)) };
+        if found.is_null() {
+            return Ok(None);
+        }
+        // SAFETY: the pointer is the answer to that identifier.
+        unsafe { checked("leftovers", found.cast::<c::Leftovers>()) }.map(|raw| Some(*raw))
     }
 
     /// Calls a `prepare` function.
@@ -538,6 +564,19 @@ fn missing(name: &str) -> Failure {
 macro_rules! prepares {
     ($($kind:ident),*) => {$(
         impl Prepare for Foreign<c::$kind> {
+            fn has_leftovers(&self) -> bool {
+                let any = self.leftovers.and_then(|leftovers| leftovers.any);
+                // SAFETY: the object is alive.
+                any.is_some_and(|any| unsafe { any(self.raw.context) } != 0)
+            }
+
+            fn free_leftovers(&mut self) {
+                if let Some(free) = self.leftovers.and_then(|leftovers| leftovers.free) {
+                    // SAFETY: the object is alive, and no call of it is running.
+                    unsafe { free(self.raw.context) };
+                }
+            }
+
             fn prepare(
                 &mut self,
                 environment: &SharedEnvironment,

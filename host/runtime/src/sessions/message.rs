@@ -5,7 +5,9 @@
 //! waited for, and what a notification means for the run.
 
 use fleetyard_abi::figures::check_figure;
-use fleetyard_abi::wire::{KeepParams, LogParams, MetricParams, NoteParams, PlanText, RpcError};
+use fleetyard_abi::wire::{
+    BUSY, KeepParams, LogParams, MetricParams, NoteParams, PlanText, READY, RpcError,
+};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
@@ -34,6 +36,10 @@ pub enum Message<'a> {
     Note(NoteParams),
     /// A line of the log.
     Log(LogParams),
+    /// It frees memory once it has answered.
+    Busy,
+    /// That is done.
+    Ready,
     /// Another notification. Progress is for people who watch, and what this host does
     /// not know may come from a newer plugin: neither may hold up a run.
     Ignored,
@@ -131,6 +137,8 @@ pub(crate) fn read_without(line: &[u8], cut: Cut) -> Result<Message<'_>, String>
         }
         "note" => Message::Note(payload("`note`", params)?),
         "log" => Message::Log(payload("`log`", params)?),
+        BUSY => Message::Busy,
+        READY => Message::Ready,
         _ => Message::Ignored,
     })
 }

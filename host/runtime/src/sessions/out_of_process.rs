@@ -95,11 +95,17 @@ impl<T: Transport> Client<T> {
     }
 
     /// A call begins, whose limits count from here.
-    fn begin_call(&mut self, budget: &Budget, cpu: Option<Duration>) {
-        self.begin(CallLimits {
+    fn begin_call(
+        &mut self,
+        method: &str,
+        budget: &Budget,
+        cpu: Option<Duration>,
+    ) -> Result<(), Fault> {
+        let limits = CallLimits {
             cpu_ns: cpu.map_or(0, |cpu| cpu.as_nanos() as u64),
             memory_bytes: budget.memory_bytes,
-        });
+        };
+        self.begin(method, limits)
     }
 
     /// Asks for a plan; what it comes to before it is judged.
@@ -215,7 +221,7 @@ impl<T: Transport> Attachment for Client<T> {
         budget: &Budget,
     ) -> Result<CallReport, Fault> {
         let environment = write("prepare", environment.as_ref())?;
-        self.begin_call(budget, self.limits.prepare_cpu);
+        self.begin_call("prepare", budget, self.limits.prepare_cpu)?;
         let started = self.now_ns();
         let budget = budget.starting(started);
         let params = PrepareParams {
@@ -235,7 +241,8 @@ impl<T: Transport> Attachment for Client<T> {
 
     fn solve(&mut self, call: &PlanCall<'_>, budget: &Budget) -> PlanRun {
         let written = Written::of(call);
-        self.begin_call(budget, self.limits.cpu);
+        let begun = self.begin_call(call.method(), budget, self.limits.cpu);
+        let written = begun.and(written);
         let mut running = Running::begin(call, budget, || self.now_ns());
         let called = written.and_then(|written| self.ask_for_plan(call, written, &mut running));
         let ended = running.end(self.now_ns());
@@ -250,7 +257,7 @@ impl<T: Transport> Attachment for Client<T> {
     fn generate(&mut self, state: &FleetState, budget: &Budget) -> Result<Generated, Fault> {
         let method = "generate";
         let written = write(method, state)?;
-        self.begin_call(budget, self.limits.cpu);
+        self.begin_call(method, budget, self.limits.cpu)?;
         let budget = budget.starting(self.now_ns());
         let params = GenerateParams {
             state: written,

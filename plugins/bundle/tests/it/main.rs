@@ -5,6 +5,7 @@ mod conflict;
 mod example;
 mod fleet;
 mod kinodynamic;
+mod limits;
 mod mapf;
 mod neighborhood;
 mod plane;

@@ -372,7 +372,7 @@ proptest! {
         }
         // Whom one would rather not meet makes no path longer, or impossible.
         let mut soft = case.table();
-        soft.reset(&case.problem.graph, 0);
+        soft.reset(0);
         let mut random = Random::new(case.seed, 2);
         for _ in 0..3 {
             let path = walk(&mut random, &case.problem.graph, 8);
@@ -476,7 +476,7 @@ fn with_a_delay_nobody_comes_soon_after_or_before() {
     assert_eq!(busy(0), [0, 1, 2]);
     assert_eq!(busy(2), [0, 1, 2, 3, 4]);
     assert_eq!(busy(4), [2, 3, 4, 5, 6, 7, 8, 9]);
-    table.reset(&graph, 8);
+    table.reset(8);
     assert!((0..5).all(|v| table.next_busy(v, 0) == NEVER));
 }
 

@@ -116,7 +116,8 @@ impl Search<'_> {
         conflicts: &[&Conflict],
         known: Urgency,
     ) -> Option<Vec<Constraint>> {
-        if !self.settings.symmetry || self.problem.turning || self.rules.delay > 0 {
+        let one_way = self.problem.graph.is_directed();
+        if !self.settings.symmetry || self.problem.turning || self.rules.delay > 0 || one_way {
             return None;
         }
         let mut best = None;
@@ -188,6 +189,10 @@ impl Search<'_> {
         conflict: &Conflict,
         stop: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Constraint>>, Stopped> {
+        // In one-way streets nobody meets.
+        if self.problem.graph.is_directed() {
+            return Ok(None);
+        }
         let graph = &self.problem.graph;
         let cells: &[Vertex] = match &conflict.kind {
             Kind::Cell(v) => &[*v],

@@ -164,7 +164,9 @@ impl Field {
             let mut next = Vec::new();
             for here in std::mem::take(&mut self.edge) {
                 let left = self.known.get(&here).map_or(0, |(_, left)| *left);
-                for near in ground.graph.neighbors(here) {
+                let wall = ground.graph.wall();
+                let sources = ground.graph.sources(here).iter().copied();
+                for near in sources.filter(|near| *near != wall) {
                     match self.known.get_mut(&near) {
                         None => {
                             self.known.insert(near, (self.distance, left));

@@ -112,10 +112,9 @@ impl Learn for SteppedMap {
 fn reachable(problem: &Problem<'_>, goals: &Goals) -> Goals {
     let agents = problem.starts.iter().zip(goals.iter());
     let reached = agents.map(|(start, goals)| {
-        let region = problem.ground.region(*start);
         let good = move |cell: &u32| {
             let goal = problem.ground.graph.vertex(*cell);
-            goal.is_some_and(|goal| problem.ground.region(goal) == region)
+            goal.is_some_and(|goal| problem.ground.leads(*start, goal))
         };
         goals.iter().copied().take_while(good)
     });

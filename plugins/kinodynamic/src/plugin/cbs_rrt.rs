@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use fleetyard_abi::sdk::{Annotations, Failure};
 use fleetyard_abi::{Annotation, Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 
 use super::{InStates, Method, Team};
 use crate::course::Course;
@@ -66,10 +66,7 @@ impl Method for Options {
                 Status::GaveUp,
                 "conflicts were left after the last restart; try more `restarts`",
             )),
-            Outcome::Stopped => Err(Failure::new(
-                Status::TimedOut,
-                "the budget ended before a plan was found",
-            )),
+            Outcome::Stopped => Err(call.unfinished(ROOM_LIMIT, "a plan was found")),
         };
         let effort = search.effort;
         call.metric("nodes", effort.samples as f64);

@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -140,11 +140,8 @@ impl Method for Options {
         if best.is_finite() {
             return Ok(());
         }
-        if call.stop() {
-            return Err(Failure::new(
-                Status::TimedOut,
-                "the budget ended before a plan was found",
-            ));
+        if call.stop() || (failure.is_none() && limits.nodes == 0) {
+            return Err(call.unfinished(NODE_LIMIT, "a plan was found"));
         }
         let reason = failure.unwrap_or(
             "no plan was found with the primitives and nodes that were allowed; hint: shorter primitives (step_m) fit \

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -171,11 +171,8 @@ impl Method for Options {
         if found {
             return Ok(());
         }
-        if call.stop() {
-            return Err(Failure::new(
-                Status::TimedOut,
-                "the budget ended before a plan was found",
-            ));
+        if call.stop() || (failure.is_none() && left == 0) {
+            return Err(call.unfinished(NODE_LIMIT, "a plan was found"));
         }
         let reason = failure.unwrap_or_else(|| {
             "no plan was found in the configurations that were allowed; hint: db-cbs searches further for small teams".to_owned()

@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -149,10 +149,7 @@ impl Method for Hybrid {
                 "no way was found from bin to bin; hint: a smaller `bin_m`, more `headings` or less `clearance_m` find more"
                     .to_owned(),
             ),
-            Outcome::Stopped => failed(
-                Status::TimedOut,
-                "a limit was met before a way was found".to_owned(),
-            ),
+            Outcome::Stopped => Err(call.unfinished(ROOM_LIMIT, "a way was found")),
         }
     }
 }

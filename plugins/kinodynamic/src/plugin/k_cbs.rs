@@ -73,7 +73,6 @@ impl Method for Options {
         if best.is_finite() {
             return Ok(());
         }
-        let reason = "a limit was met before a plan was found";
-        Err(Failure::new(Status::TimedOut, reason))
+        Err(call.unfinished("a limit of rounds, controls or memory", "a plan was found"))
     }
 }

@@ -3,7 +3,7 @@
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
 use fleetyard_plugin_plane::sssp::bodies::{Pose, wrapped};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 
 use super::{InStates, Member, Method, Team, show_tree};
 use crate::course::Course;
@@ -136,8 +136,7 @@ impl Method for Options {
         if told.is_finite() {
             return Ok(());
         }
-        let reason = "a limit was met before a way was found";
-        Err(Failure::new(Status::TimedOut, reason))
+        Err(call.unfinished(ROOM_LIMIT, "a way was found"))
     }
 }
 

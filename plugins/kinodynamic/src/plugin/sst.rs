@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 
 use super::rrt_star::{alone, submitted};
 use super::{InStates, Method, Team, show_tree};
@@ -79,7 +79,6 @@ impl Method for Options {
         if told.is_finite() {
             return Ok(());
         }
-        let reason = "a limit was met before a way was found";
-        Err(Failure::new(Status::TimedOut, reason))
+        Err(call.unfinished(ROOM_LIMIT, "a way was found"))
     }
 }

@@ -12,6 +12,8 @@
 
 use std::rc::Rc;
 
+use fleetyard_abi::leftovers::Leftover;
+
 use super::astar::{Avoid, Limits, Outcome, Pathfinder, Way};
 use crate::course::Course;
 use crate::plugin::Team;
@@ -115,7 +117,7 @@ impl<'s, 'a> Search<'s, 'a> {
         for robot in 1..self.team.len() {
             self.meet(&mut root, robot, robot);
         }
-        let mut open = vec![root];
+        let mut open = Leftover::new(vec![root]);
         let mut is_whole = true;
         while let Some(number) = self.choose(&open) {
             let node = open.swap_remove(number);

@@ -13,6 +13,7 @@
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::rc::Rc;
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_plane::sssp::bodies::Pose;
 use fleetyard_plugin_spacetime::random::Random;
 
@@ -97,9 +98,9 @@ pub struct Search<'s, 'a> {
     random: Random,
     /// From then on no obstacle moves.
     still: f64,
-    nodes: Vec<Node>,
+    nodes: Leftover<Vec<Node>>,
     /// Ways of single robots from states to their goals.
-    alone: HashMap<(usize, [u64; 7]), Option<Rc<Course>>>,
+    alone: Leftover<HashMap<(usize, [u64; 7]), Option<Rc<Course>>>>,
     /// Configurations that were made.
     pub made: u64,
 }
@@ -146,8 +147,8 @@ impl<'s, 'a> Search<'s, 'a> {
             step,
             random: Random::new(seed, 31),
             still: moving.fold(0.0, f64::max),
-            nodes: Vec::new(),
-            alone: HashMap::new(),
+            nodes: Leftover::default(),
+            alone: Leftover::default(),
             made: 0,
         }
     }
@@ -157,7 +158,7 @@ impl<'s, 'a> Search<'s, 'a> {
         let Some(first) = self.first() else {
             return Ended::Unsafe;
         };
-        let mut seen = HashSet::from([self.cells(&first, 0)]);
+        let mut seen = Leftover::new(HashSet::from([self.cells(&first, 0)]));
         let priorities: Vec<f64> = first
             .iter()
             .map(|own| own.action.remaining * 1e-6)

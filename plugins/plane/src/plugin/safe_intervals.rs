@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::Call;
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,14 +95,7 @@ impl Method for SafeIntervals {
                 );
                 Err(Failure::new(Status::GaveUp, reason))
             }
-            Outcome::Stopped if call.stop() => {
-                let reason = "the budget ended before a plan was found";
-                Err(Failure::new(Status::TimedOut, reason))
-            }
-            Outcome::Stopped => {
-                let reason = "the limit of nodes was met before a plan was found";
-                Err(Failure::new(Status::GaveUp, reason))
-            }
+            Outcome::Stopped => Err(call.unfinished(NODE_LIMIT, "a plan was found")),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::Call;
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -72,8 +72,7 @@ impl Method for Shortest {
         }
         let Some(way) = found else {
             if search.ended() {
-                let reason = "a limit was met before a way was found";
-                return Err(Failure::new(Status::TimedOut, reason));
+                return Err(call.unfinished(NODE_LIMIT, "a way was found"));
             }
             return Err(team.no_way(0, call));
         };

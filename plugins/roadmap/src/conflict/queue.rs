@@ -35,7 +35,7 @@ fn key(cost: f64) -> u64 {
 }
 
 /// The open nodes. With a weight of 1 those of least bound come first.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Queue {
     weight: f64,
     limit: f64,

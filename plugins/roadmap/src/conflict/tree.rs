@@ -3,6 +3,7 @@
 use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
 
+use fleetyard_abi::leftovers::Leftover;
 use super::clash::{Clash, weighed};
 use super::constraint::{Bans, Constraint, MOST_LANDMARKS, Place};
 use super::cover::cover;
@@ -89,8 +90,8 @@ pub(super) struct Tree {
     members: Vec<u32>,
     /// Constraints of every node.
     base: Vec<Constraint>,
-    nodes: Vec<Node>,
-    queue: Queue,
+    nodes: Leftover<Vec<Node>>,
+    queue: Leftover<Queue>,
     /// Paths may arrive later than the earliest ones by this factor.
     weight: f64,
     bytes: usize,
@@ -110,8 +111,8 @@ impl Tree {
     pub(super) fn new(members: Vec<u32>, weight: f64) -> Self {
         Self {
             base: Vec::new(),
-            nodes: Vec::new(),
-            queue: Queue::new(weight),
+            nodes: Leftover::default(),
+            queue: Leftover::new(Queue::new(weight)),
             weight,
             bytes: 0,
             loaded: vec![None; members.len()],

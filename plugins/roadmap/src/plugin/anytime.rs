@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -115,14 +115,7 @@ fn solve(
     match outcome.end {
         End::Solved => Ok(()),
         End::NoWay(disc) => Err(no_way(disc)),
-        End::Stopped if call.stop() || work.nodes == 0 => Err(Failure::new(
-            Status::TimedOut,
-            "the budget ended before a plan was found",
-        )),
-        End::Stopped => Err(Failure::new(
-            Status::GaveUp,
-            "the limit of nodes was met before a plan was found",
-        )),
+        End::Stopped => Err(call.unfinished(NODE_LIMIT, "a plan was found")),
         End::Memory => Err(Failure::new(
             Status::GaveUp,
             "the search reached its memory limit before a plan was found",

@@ -2,7 +2,7 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, most_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -10,9 +10,6 @@ use super::{Method, OnRoadmap, Team, submit};
 use crate::conflict::{Branching, End, Settings, solve};
 use crate::priority::Disc;
 use crate::roadmap::Vertex;
-
-/// Most bytes of a tree, whatever the budget allows: what is least promising is dropped then.
-pub(super) const MOST_MEMORY: u64 = 64 << 20;
 
 /// Options of `ccbs`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
@@ -124,7 +121,7 @@ fn search(team: &Team<'_>, settings: Settings, call: &Call<'_>) -> Result<(), Fa
     };
     let settings = Settings {
         node_limit: call.node_limit(),
-        memory_limit: half_of_memory(call.budget).min(MOST_MEMORY),
+        memory_limit: most_of_memory(call.budget),
         ..settings
     };
     let outcome = solve(team.closeness, &tasks, &settings, &mut || call.stop());
@@ -146,8 +143,8 @@ fn search(team: &Team<'_>, settings: Settings, call: &Call<'_>) -> Result<(), Fa
             "the constraint tree is exhausted, but the original branching loses plans",
         ),
         End::Infeasible => failure(Status::Infeasible, "the constraint tree is exhausted"),
-        End::Stopped => failure(Status::TimedOut, "the budget ended before a plan was found"),
-        End::Nodes => failure(Status::GaveUp, "the node limit was reached"),
+        End::Stopped => Err(call.unfinished("the memory of one search", "a plan was found")),
+        End::Nodes => Err(call.unfinished(NODE_LIMIT, "a plan was found")),
         End::Memory => failure(
             Status::GaveUp,
             "the tree reached its memory limit before a plan was found",

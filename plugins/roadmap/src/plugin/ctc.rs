@@ -2,9 +2,8 @@
 
 use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
-use fleetyard_plugin_plane::plugin::unsolved;
 use fleetyard_plugin_spacetime::order::Prefer;
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,7 +80,7 @@ impl Method for Options {
         match end {
             Ended::NoWay(disc) => Err(no_way(disc)),
             Ended::Tried(End::Solved(_)) => Ok(()),
-            Ended::Tried(End::Stopped) => Err(unsolved(true, orders)),
+            Ended::Tried(End::Stopped) => Err(call.unfinished(NODE_LIMIT, "a plan was found")),
             Ended::Tried(End::Exhausted) => gave_up("no priorities lead to a plan"),
             Ended::Tried(End::Memory) => {
                 gave_up("the search reached its memory limit before a plan was found")

@@ -4,11 +4,10 @@ use fleetyard_abi::sdk::Failure;
 use fleetyard_abi::{Capability, Status};
 use fleetyard_plugin_plane::plugin::{InPlane, Method, Team, annotate};
 use fleetyard_plugin_plane::timing::Stop;
-use fleetyard_plugin_spacetime::plugin::{Call, half_of_memory};
+use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, most_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::conflict::MOST_MEMORY;
 use crate::growing::{Control, End, Settings, plan};
 
 /// Options of `cbs-mp`.
@@ -58,7 +57,7 @@ impl Method for Options {
             vertices: self.vertices as usize,
             clearance: self.clearance_m,
             anytime: self.anytime,
-            memory: half_of_memory(call.budget).min(MOST_MEMORY),
+            memory: most_of_memory(call.budget),
             seed: call.budget.seed,
         };
         let mut control = Control {
@@ -83,13 +82,7 @@ impl Method for Options {
         }
         Err(match end {
             End::NoWay(agent) => team.no_way(agent, call),
-            End::Spent if call.stop() => {
-                Failure::new(Status::TimedOut, "the budget ended before a plan was found")
-            }
-            End::Spent => Failure::new(
-                Status::GaveUp,
-                "the limit of nodes was met before a plan was found",
-            ),
+            End::Spent => call.unfinished(NODE_LIMIT, "a plan was found"),
             _ => Failure::new(
                 Status::GaveUp,
                 format!(
