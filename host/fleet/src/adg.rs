@@ -67,7 +67,7 @@
 //! # Costs
 //!
 //! `append` is linear in the cells of all paths, `enqueue` in what has changed, `complete` in
-//! the nodes that are news, `cut` and `is_acyclic` in what is pending. Memory is 44 bytes a
+//! the nodes that are news, `cut` and `is_acyclic` in what is pending. Memory is 48 bytes a
 //! pending node, with room for up to twice as many since it grows by doubling, 40 an agent and
 //! 12 a cell of the map.
 

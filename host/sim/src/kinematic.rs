@@ -329,3 +329,47 @@ fn each_common_span(
         ib += usize::from(b.t[ib] <= end);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Digests on any number of threads hang on it.
+    #[test]
+    fn ties_of_the_nearest_approach_go_to_the_earlier_time_and_the_lower_index() {
+        let all = [
+            (7, 2.0, 1.0),
+            (3, 2.0, 1.0),
+            (5, 2.0, 1.0),
+            (1, 2.0, 4.0),
+            (9, 2.0, 0.5),
+            (8, 2.0, 0.5),
+            (0, 3.0, 0.0),
+        ];
+        // Of each part of them, in every order of two and as they are turned round.
+        for count in 1..=all.len() {
+            for turned in 0..count {
+                for backwards in [false, true] {
+                    let mut some = all[..count].to_vec();
+                    some.rotate_left(turned);
+                    if backwards {
+                        some.reverse();
+                    }
+                    let mut nearest = Nearest::new(2, 10.0);
+                    for (other, distance, when) in &some {
+                        nearest.note(1, *other, *distance, *when);
+                    }
+                    let wanted = (some.iter())
+                        .min_by(|a, b| {
+                            let by_distance = a.1.total_cmp(&b.1);
+                            by_distance.then(a.2.total_cmp(&b.2)).then(a.0.cmp(&b.0))
+                        })
+                        .unwrap();
+                    let found = (nearest.other[1], nearest.distance[1], nearest.when[1]);
+                    assert_eq!(found, *wanted, "{some:?}");
+                    assert_eq!(nearest.other[0], u32::MAX);
+                }
+            }
+        }
+    }
+}

@@ -287,6 +287,7 @@ mod tests {
     #[test]
     fn known_areas() {
         let (square, disc) = (rectangle(1.0, 1.0), Shape::disc(0.5));
+        let (long, tall, small) = (rectangle(10.0, 1.0), rectangle(1.0, 30.0), Shape::disc(0.1));
         let way = |x0: f64, y0: f64, x1: f64, y1: f64| (Pose::at(x0, y0), Pose::at(x1, y1));
         let rest = |x: f64, y: f64| way(x, y, x, y);
         let turn = |x: f64, angle: f64| (Pose::at(x, 0.0), Pose::new(x, 0.0, angle));
@@ -379,6 +380,40 @@ mod tests {
                 rest(0.0, 0.0),
                 &disc,
                 way(-1.0, 2.0, 2.0, -1.0),
+                0.0,
+                true,
+            ),
+            // A small disc far from the middle of what a long body sweeps, all of its way inside or none,
+            // and the other way round.
+            (
+                &long,
+                way(0.0, 0.0, 0.0, 20.0),
+                &small,
+                rest(4.0, 10.0),
+                0.0,
+                true,
+            ),
+            (
+                &long,
+                way(0.0, 0.0, 0.0, 20.0),
+                &small,
+                way(3.0, 9.0, 4.5, 12.0),
+                0.0,
+                true,
+            ),
+            (
+                &long,
+                way(0.0, 0.0, 0.0, 20.0),
+                &small,
+                rest(5.2, 10.0),
+                0.0,
+                false,
+            ),
+            (
+                &small,
+                rest(4.0, 10.0),
+                &tall,
+                way(0.0, 0.0, 8.0, 0.0),
                 0.0,
                 true,
             ),

@@ -123,3 +123,73 @@ impl Constraint {
         half(1) << 64 | half(2)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pairs of agents are searched anew under the constraints that bind them, and no others.
+    #[test]
+    fn who_is_bound_has_something_to_keep() {
+        let kinds = [
+            Constraint::Cell {
+                agent: 1,
+                v: 2,
+                begin: 3,
+                end: 4,
+            },
+            Constraint::Barrier {
+                agent: 1,
+                cells: vec![(2, 3), (3, 4)].into(),
+            },
+            Constraint::Move {
+                agent: 1,
+                from: 0,
+                to: 1,
+                time: 2,
+            },
+            Constraint::ArriveAfter { agent: 1, time: 3 },
+            Constraint::ArriveBy {
+                agent: 1,
+                time: 3,
+                goal: 2,
+                others: 5,
+            },
+        ];
+        let none = format!("{:?}", Constraints::new(4));
+        for constraint in &kinds {
+            assert_eq!(constraint.agent(), 1);
+            let of_all = matches!(constraint, Constraint::ArriveBy { .. });
+            for agent in 0..3 {
+                let mut table = Constraints::new(4);
+                constraint.apply(agent, &mut table);
+                let is_bound = format!("{table:?}") != none;
+                assert_eq!(constraint.binds(agent), is_bound, "{constraint:?} {agent}");
+                assert_eq!(is_bound, agent == 1 || of_all);
+            }
+        }
+        // Each of them says something of its own.
+        let told = |constraint: &Constraint, agent: u32| {
+            let mut table = Constraints::new(4);
+            constraint.apply(agent, &mut table);
+            let mut forbidden = Vec::new();
+            for time in 0..7 {
+                for (from, to) in [(0, 1), (2, 2), (3, 3)] {
+                    if table.forbids(from, to, time) {
+                        forbidden.push((to, time));
+                    }
+                }
+            }
+            (forbidden, table.earliest(), table.latest())
+        };
+        assert_eq!(told(&kinds[0], 1), (vec![(2, 3), (2, 4)], 0, FOREVER));
+        assert_eq!(told(&kinds[1], 1), (vec![(2, 3), (3, 4)], 0, FOREVER));
+        assert_eq!(told(&kinds[2], 1), (vec![(1, 3)], 0, FOREVER));
+        assert_eq!(told(&kinds[3], 1), (vec![], 4, FOREVER));
+        assert_eq!(told(&kinds[4], 1), (vec![], 0, 3));
+        assert_eq!(told(&kinds[4], 0), (vec![(2, 5), (2, 6)], 0, FOREVER));
+        // A set is known by its hash: no two of these are the same.
+        let hashes: std::collections::BTreeSet<u128> = kinds.iter().map(Constraint::hash).collect();
+        assert_eq!(hashes.len(), kinds.len());
+    }
+}

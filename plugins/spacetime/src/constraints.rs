@@ -158,3 +158,104 @@ impl Constraints {
             && !self.forbids_staying(last, path.len() as u32 - 1, until)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const CELLS: Vertex = 4;
+    const STEPS: u32 = 9;
+
+    #[derive(Debug, Clone, Copy)]
+    enum One {
+        /// A cell, and the steps from which and up to which it is forbidden.
+        Cell(Vertex, u32, u32),
+        Move(Vertex, Vertex, u32),
+        From(u32),
+        By(u32),
+    }
+
+    fn one() -> impl Strategy<Value = One> {
+        let end = prop_oneof![3 => 0..STEPS, 1 => Just(FOREVER)];
+        let cell = (0..CELLS, 0..STEPS, end);
+        prop_oneof![
+            4 => cell.prop_map(|(v, begin, more)| One::Cell(v, begin, begin.saturating_add(more))),
+            2 => (0..CELLS, 0..CELLS, 0..STEPS).prop_map(|(from, to, time)| One::Move(from, to, time)),
+            1 => (0..STEPS).prop_map(One::From),
+            1 => (0..STEPS).prop_map(One::By),
+        ]
+    }
+
+    fn fill(table: &mut Constraints, all: &[One]) {
+        for one in all {
+            match *one {
+                One::Cell(v, begin, end) => table.forbid(v, begin, end),
+                One::Move(from, to, time) => table.forbid_move(from, to, time),
+                One::From(time) => table.arrive_from(time),
+                One::By(time) => table.arrive_by(time),
+            }
+        }
+    }
+
+    /// By the list itself.
+    fn is_forbidden(all: &[One], from: Vertex, to: Vertex, time: u32) -> bool {
+        all.iter().any(|one| match *one {
+            One::Cell(v, begin, end) => v == to && (begin..=end).contains(&time),
+            One::Move(one, other, at) => from != to && (one, other, at + 1) == (from, to, time),
+            _ => false,
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_table_says_what_its_list_says(
+            before in prop::collection::vec(one(), 0..6),
+            all in prop::collection::vec(one(), 0..6),
+            path in prop::collection::vec(0..CELLS, 1..6),
+            until in 0..3 * STEPS,
+        ) {
+            let mut table = Constraints::new(CELLS as usize);
+            fill(&mut table, &before);
+            table.clear();
+            prop_assert!(table.entries.is_empty(), "what is forgotten takes no room");
+            fill(&mut table, &all);
+            // Long after the last one everything is as it stays.
+            let late = 4 * STEPS;
+            let mut last = 0;
+            for to in 0..CELLS {
+                for time in 0..=late {
+                    for from in 0..CELLS {
+                        let wanted = is_forbidden(&all, from, to, time);
+                        prop_assert_eq!(table.forbids(from, to, time), wanted);
+                        let later = is_forbidden(&all, from, to, time + 1);
+                        last = last.max(if wanted != later { time } else { 0 });
+                    }
+                    for until in time..=late {
+                        let staying = (time..=until).any(|at| is_forbidden(&all, to, to, at));
+                        prop_assert_eq!(table.forbids_staying(to, time, until), staying);
+                    }
+                }
+                let free = (0..=late).rev().find(|at| is_forbidden(&all, to, to, *at));
+                let free = match free {
+                    Some(at) if at == late => FOREVER,
+                    Some(at) => at + 1,
+                    None => 0,
+                };
+                prop_assert_eq!(table.free_from(to), free);
+            }
+            let times = |of: fn(&One) -> Option<u32>| all.iter().filter_map(of);
+            let from = times(|one| if let One::From(time) = one { Some(*time) } else { None });
+            let by = times(|one| if let One::By(time) = one { Some(*time) } else { None });
+            prop_assert_eq!(table.earliest(), from.max().unwrap_or(0));
+            prop_assert_eq!(table.latest(), by.min().unwrap_or(FOREVER));
+            prop_assert!(table.last() >= last.max(table.earliest()), "{}", table.last());
+            prop_assert!(table.last() <= 3 * STEPS);
+            let at = |time: u32| path[(time as usize).min(path.len() - 1)];
+            let until = until.max(path.len() as u32 - 1);
+            let keeps = (0..=until)
+                .all(|time| !is_forbidden(&all, at(time.saturating_sub(1)), at(time), time));
+            prop_assert_eq!(table.admit(&path, until), keeps);
+        }
+    }
+}

@@ -112,4 +112,6 @@ impl Evaluation {
 }
 
 #[cfg(test)]
+mod oracle;
+#[cfg(test)]
 mod tests;

@@ -366,6 +366,25 @@ fn scatters_keep_failures() {
         found.neither,
     ];
     assert_eq!(counts, [1, 0, 1, 1, 1, 1]);
+    // No two counts alike, so that none stands for another.
+    let mut outcomes = vec![(Some(1.0), Some(2.0)); 6];
+    outcomes.extend([(Some(2.0), Some(1.0)); 5]);
+    outcomes.extend([(Some(1.0), Some(1.0)); 4]);
+    outcomes.extend([(Some(1.0), None); 3]);
+    outcomes.extend([(None, Some(1.0)); 2]);
+    outcomes.push((None, None));
+    let (x, y): (Vec<_>, Vec<_>) = outcomes.into_iter().unzip();
+    let all = [rows("x", &x), rows("y", &y)].concat();
+    let found = scatter(&Trials::new(&all), "x", "y", &SOLVE_TIME).unwrap();
+    let smaller = [found.x_smaller, found.y_smaller, found.tied];
+    assert_eq!(smaller, [6, 5, 4]);
+    assert_eq!([found.only_x, found.only_y, found.neither], [3, 2, 1]);
+    assert_eq!((found.x.as_str(), found.y.as_str()), ("x", "y"));
+    let last = &found.points[20];
+    assert_eq!(
+        (last.x, last.y, last.x_trial, last.y_trial),
+        (None, None, 200, 200)
+    );
     assert!(scatter(&Trials::new(&all), "a", "none", &SOLVE_TIME).is_none());
 }
 
@@ -419,6 +438,12 @@ fn quality_says_how_many_have_a_plan() {
     );
     let best = &quality_over_time(&Trials::new(&all), Reference::Best, &[10.0])[0];
     assert_eq!(best.points[0].mean_ratio, Some(1.0));
+    // Steps of a view are of its own grid.
+    for row in &mut all {
+        row.view = Some("narrow".into());
+    }
+    let of_view = &quality_over_time(&Trials::new(&all), Reference::LowerBound, &[10.0])[0];
+    assert_eq!((of_view.cases, of_view.points.len()), (2, 0));
     let times = log_spaced(1.0, 1000.0, 4);
     let wanted = [1.0, 10.0, 100.0, 1000.0];
     assert!(
@@ -428,6 +453,10 @@ fn quality_says_how_many_have_a_plan() {
             .all(|(time, wanted)| (time / wanted - 1.0).abs() < 1e-12)
     );
     assert!(log_spaced(0.0, 10.0, 5).is_empty());
+    assert!(log_spaced(2.0, 1.0, 5).is_empty() && log_spaced(1.0, f64::INFINITY, 5).is_empty());
+    assert!(log_spaced(1.0, 2.0, 0).is_empty());
+    assert_eq!(log_spaced(3.0, 3.0, 1), [3.0]);
+    assert_eq!(log_spaced(3.0, 9.0, 2), [3.0, 9.0]);
 }
 
 #[test]
@@ -525,10 +554,92 @@ fn filters_and_groups() {
     let kept: Vec<&Row> = all.iter().filter(|row| filter.keeps(row)).collect();
     assert_eq!(kept, [&all[3]]);
     assert!(all.iter().all(|row| Filter::default().keeps(row)));
+    // Each of both alone keeps what the other drops.
+    let mut marked = rows("a", &[Some(1.0); 4]);
+    (marked[1].ranked, marked[3].ranked) = (false, false);
+    for row in &mut marked[2..] {
+        row.contended = "others".into();
+    }
+    let kept = |ranked_only, undisturbed_only| -> Vec<u64> {
+        let filter = Filter {
+            ranked_only,
+            undisturbed_only,
+            ..Filter::default()
+        };
+        let kept = marked.iter().filter(|row| filter.keeps(row));
+        kept.map(|row| row.trial).collect()
+    };
+    assert_eq!(kept(false, false), [0, 10, 20, 30]);
+    assert_eq!(kept(true, false), [0, 20]);
+    assert_eq!(kept(false, true), [0, 10]);
+    assert_eq!(kept(true, true), [0]);
+    // A level that does not apply is none of those that are named.
+    let mazes = Filter {
+        levels: vec![(Dimension::MazeAlgorithm, vec!["prim".into()])],
+        ..Filter::default()
+    };
+    marked[0].maze_algorithm = Some("prim".into());
+    marked[1].maze_algorithm = None;
+    let kept: Vec<u64> = (marked.iter().filter(|row| mazes.keeps(row)))
+        .map(|row| row.trial)
+        .collect();
+    assert_eq!(kept, [0]);
     let found = groups(&all, &[Dimension::Map, Dimension::Seed]);
     assert_eq!(found.len(), 2);
     assert_eq!(found[1].levels[0].as_ref().unwrap().text, "maze-1");
     assert_eq!(found[1].rows.len(), 2);
+}
+
+#[test]
+fn levels_are_those_of_the_row_and_ascend_by_their_numbers() {
+    let row = Row {
+        map: "m".into(),
+        scenario: "s".into(),
+        agents: 7,
+        connectivity: Some(8),
+        maze_algorithm: Some("prim".into()),
+        maze_width: Some(9),
+        maze_height: Some(11),
+        budget_ms: 250.0,
+        seed: 3,
+        ..Row::default()
+    };
+    let told = |dimension: Dimension| {
+        let level = dimension.level(&row).unwrap();
+        (level.number, level.text)
+    };
+    let wanted = [
+        (None, "m"),
+        (None, "s"),
+        (Some(7.0), "7"),
+        (Some(8.0), "8"),
+        (None, "prim"),
+        (Some(9.0), "9×11"),
+        (Some(250.0), "250 ms"),
+        (Some(3.0), "3"),
+    ];
+    for (dimension, (number, text)) in Dimension::ALL.into_iter().zip(wanted) {
+        assert_eq!(told(dimension), (number, text.to_owned()));
+    }
+    let none = Row::default();
+    for absent in [
+        Dimension::Connectivity,
+        Dimension::MazeAlgorithm,
+        Dimension::MazeSize,
+    ] {
+        assert_eq!(absent.level(&none), None);
+    }
+    let level = |number: Option<f64>, text: &str| Level {
+        number,
+        text: text.into(),
+    };
+    let ascending = [
+        level(Some(2.0), "2"),
+        level(Some(10.0), "10"),
+        level(None, "a"),
+        level(None, "b"),
+    ];
+    assert!(ascending.is_sorted() && ascending[0] < ascending[1] && ascending[2] < ascending[3]);
 }
 
 #[test]
@@ -538,6 +649,168 @@ fn nothing_to_evaluate_is_no_problem() {
     let stability = rank_stability([], &[Dimension::Map], Order::Text);
     assert_eq!(stability.mean_tau, None);
     assert_eq!(compare_runs(Unit::Scenarios, [], []).pairs, 0);
+}
+
+/// A run of a suite with two planners: one loses many successes, and one a few.
+#[test]
+fn successes_of_runs_are_corrected_for_all_planners() {
+    let run = |lost: usize, few: usize| {
+        let times = |lost: usize| -> Vec<Option<f64>> {
+            (0..20).map(|at| Some(1.0).filter(|_| at >= lost)).collect()
+        };
+        [rows("a", &times(lost)), rows("b", &times(few))].concat()
+    };
+    let found = compare_runs(Unit::Scenarios, &run(0, 0), &run(12, 6));
+    let p = |at: usize| found.planners[at].solved.p.unwrap();
+    assert_eq!(
+        (found.planners[0].lost.len(), found.planners[1].lost.len()),
+        (12, 6)
+    );
+    // 2 · 2⁻¹², twice for two planners; 2 · 2⁻⁶, once.
+    assert_eq!((p(0), p(1)), (2f64.powi(-10), 2f64.powi(-5)));
+    // The other way round they are won, and differences have the other sign.
+    let back = compare_runs(Unit::Scenarios, &run(12, 6), &run(0, 0));
+    assert_eq!(
+        (back.planners[0].won.len(), back.planners[1].won.len()),
+        (12, 6)
+    );
+    assert_eq!(back.planners[0].lost, []);
+    let sides = [&found, &back].map(|found| {
+        let solved = &found.planners[0].solved;
+        (solved.first, solved.second, solved.difference.unwrap())
+    });
+    assert_eq!(sides, [(12, 0, 0.6), (0, 12, -0.6)]);
+    // Times of what both solved are corrected as well: two planners that are slower on all twenty.
+    let mut slow = run(0, 0);
+    for row in &mut slow {
+        row.solve_time_ms *= if row.planner == "a" { 2.0 } else { 3.0 };
+    }
+    let found = compare_runs(Unit::Scenarios, &run(0, 0), &slow);
+    for (planner, ratio) in found.planners.iter().zip([2.0, 3.0]) {
+        let time = &planner.metrics[0].paired;
+        assert!(time.greater == 20 && (time.median_ratio.unwrap() - ratio).abs() < 1e-12);
+        assert_eq!(
+            (time.p, time.p_holm),
+            (Some(2f64.powi(-19)), Some(2f64.powi(-18)))
+        );
+    }
+    // Calls of no time at all have no share of it; and other machines are told.
+    let mut idle = run(0, 0);
+    for row in &mut idle {
+        (row.run_delay_ms, row.planning_time_ms) = (Some(0.0), 0.0);
+    }
+    let found = compare_runs(Unit::Scenarios, &idle, &idle);
+    assert_eq!((found.run_delay, found.same_machines), (None, true));
+    let mut elsewhere = run(0, 0);
+    elsewhere[0].machine = "another".into();
+    assert!(!compare_runs(Unit::Scenarios, &idle, &elsewhere).same_machines);
+}
+
+/// A setting counts where both runs tell it, and only what differs is told.
+#[test]
+fn settings_that_differ_are_told() {
+    let run = |edit: &dyn Fn(&mut Row)| {
+        let mut rows = rows("p", &[Some(1.0), Some(1.0)]);
+        for row in &mut rows {
+            row.clock = Some("host".into());
+            row.attach = "worker".into();
+            edit(row);
+        }
+        rows
+    };
+    let told =
+        |a: &dyn Fn(&mut Row), b: &dyn Fn(&mut Row)| -> Vec<(&str, Vec<String>, Vec<String>)> {
+            let found = compare_runs(Unit::Scenarios, &run(a), &run(b)).settings;
+            found
+                .into_iter()
+                .map(|one| (one.name, one.a, one.b))
+                .collect()
+        };
+    let text = |text: &str| vec![text.to_owned()];
+    let as_is = |_: &mut Row| {};
+    assert_eq!(told(&as_is, &as_is), []);
+    assert_eq!(
+        told(&as_is, &|row| row.clock = Some("planner".into())),
+        [("clock", text("host"), text("planner"))]
+    );
+    assert_eq!(
+        told(&|row| row.reuse = Some("planner".into()), &|row| row
+            .reuse =
+            Some("no".into())),
+        [("reuse", text("planner"), text("no"))]
+    );
+    assert_eq!(
+        told(&as_is, &|row| row.attach = "stdio".into()),
+        [("attach", text("worker"), text("stdio"))]
+    );
+    assert_eq!(
+        told(&|row| row.fleet = Some("one".into()), &|row| row.fleet =
+            Some("two".into())),
+        [("fleet", text("p one"), text("p two"))]
+    );
+    assert_eq!(
+        told(&as_is, &|row| row.cpus = Some("3".into())),
+        [("cpus", text("shared"), text("of its own"))]
+    );
+    // Which ones does not matter, and rows that say nothing differ from nobody.
+    assert_eq!(
+        told(&|row| row.cpus = Some("1".into()), &|row| row.cpus =
+            Some("3".into())),
+        []
+    );
+    assert_eq!(told(&as_is, &|row| row.threads = Some(4)), []);
+    // All values of a run that has more of them stand beside the new one.
+    assert_eq!(
+        told(&|row| row.threads = Some(1), &|row| row.threads =
+            Some(1 + (row.trial / 10) as u32)),
+        [("threads", text("1"), text("2"))]
+    );
+}
+
+#[test]
+fn a_difference_of_rates_lies_between_one_and_minus_one() {
+    let repeated = |planner: &str, solved: [u32; 7]| -> Vec<Row> {
+        let of = |(instance, solved): (u64, u32)| {
+            (0..2).map(move |repeat| Row {
+                repeat,
+                ..row(planner, instance, Some(1.0).filter(|_| repeat < solved))
+            })
+        };
+        (0..).zip(solved).flat_map(of).collect()
+    };
+    let all = [
+        repeated("all", [2; 7]),
+        repeated("none", [0, 0, 0, 0, 0, 0, 1]),
+    ]
+    .concat();
+    let trials = Trials::new(&all);
+    let between = |first: &str, second: &str| {
+        let found = Success::between(trials.planner(first)?, trials.planner(second)?);
+        let interval = found.interval?;
+        Some((found.difference?, interval.low, interval.high))
+    };
+    // 6.5 of 7, by Student more than 1.
+    let (difference, low, high) = between("all", "none").unwrap();
+    assert!((difference - 6.5 / 7.0).abs() < 1e-12 && high.to_bits() == 1.0f64.to_bits());
+    assert!((0.5..difference).contains(&low));
+    assert_eq!(between("none", "all").unwrap(), (-difference, -high, -low));
+}
+
+/// Where only one planner has a sum of costs, there is nothing to compare.
+#[test]
+fn costs_of_one_planner_alone_are_not_compared() {
+    let mut all = rows("a", &[Some(1.0), Some(1.0)]);
+    for row in &mut all {
+        row.soc_steps = Some(10);
+    }
+    all.extend(rows("b", &[Some(2.0), Some(2.0)]));
+    let found = Evaluation::of(&Trials::new(&all), Order::Text);
+    assert_eq!((found.costs, found.comparison.is_some()), (None, true));
+    for row in &mut all {
+        row.soc_steps = Some(10);
+    }
+    let found = Evaluation::of(&Trials::new(&all), Order::Text);
+    assert_eq!(found.costs.unwrap().planners[0].paired.pairs, 2);
 }
 
 #[test]
@@ -706,6 +979,16 @@ fn standings_count_failures_and_say_how_sure_ranks_are() {
         standing.unwrap()
     };
     assert_eq!(of("fast").ranks, Some([1, 1]));
+    // Who loses is as sure of it.
+    assert_eq!(
+        (of("good").ranks, of("good").p_first),
+        (Some([2, 2]), Some(0.0))
+    );
+    assert_eq!(
+        (of("worse").ranks, of("worse").p_first),
+        (Some([3, 3]), Some(0.0))
+    );
+    assert_eq!(of("half").ranks, Some([4, 4]));
     // Unless none of the five is drawn that `half` fails: once in 1,024.
     assert!(of("fast").p_first.unwrap() > 0.99);
     assert_eq!((of("fast").score, of("good").score), (Some(0.5), Some(1.0)));
@@ -741,6 +1024,35 @@ fn standings_count_failures_and_say_how_sure_ranks_are() {
     let alone = Evaluation::of(&Trials::new(&costs("a", Some(1.0), 20)), Order::Text);
     // Nobody takes its place: two budgets less 5.5 ms.
     assert_eq!(alone.standings[0].contribution_ms, Some(20_000.0 - 5.5));
+}
+
+/// Where no instance is solved by all, resamples rank by what each planner solved, its lengths included.
+#[test]
+fn resampled_ranks_without_shared_successes_are_of_own_lengths() {
+    let half = |planner: &str, solves: usize, length: f64| -> Vec<Row> {
+        let of = |instance: u64| {
+            let time = Some(1.0).filter(|_| instance as usize / 10 % 2 == solves);
+            Row {
+                path_length_cells: time.map(|_| length),
+                ..row(planner, instance, time)
+            }
+        };
+        (0..20).map(of).collect()
+    };
+    // Each solves ten of twenty scenarios in equal times, but in pairs that are drawn together.
+    let mut all = [half("long", 0, 120.0), half("short", 1, 100.0)].concat();
+    for row in &mut all {
+        row.map = format!("map {}", row.trial / 10 % 10);
+    }
+    let trials = Trials::speaking_for(Unit::Maps, &all);
+    let found = Evaluation::of(&trials, Order::Appendix);
+    assert_eq!((found.overview.shared, found.overview.clusters), (0, 10));
+    let told = |at: usize| {
+        let standing = &found.standings[at];
+        (standing.planner.as_str(), standing.ranks, standing.p_first)
+    };
+    assert_eq!(told(0), ("short", Some([1, 1]), Some(1.0)));
+    assert_eq!(told(1), ("long", Some([2, 2]), Some(0.0)));
 }
 
 /// Costs were of the cases that each planner solved, so that who fails on hard ones looked better.
@@ -849,6 +1161,12 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         shares,
         [&[0.0, 0.0, 0.0, 1.0], never, &[0.0, 0.5, 0.5, 0.5]]
     );
+    // Who fails ends no race, however early.
+    let mut fails = all.clone();
+    fails[2].termination = "completed".into();
+    fails[2].planning_time_ms = 1.0;
+    let found = Evaluation::of(&Trials::new(&fails), Order::Text).anytime;
+    near(found[0].equal_time.unwrap()[0], 0.5);
     // Nobody sends anything on the way.
     let found = Evaluation::of(&Trials::new(&all[1..]), Order::Text);
     assert_eq!(found.anytime, []);

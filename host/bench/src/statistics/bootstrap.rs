@@ -87,3 +87,72 @@ impl Draws {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COUNT: usize = 100_000;
+
+    /// Mean, variance, and the third and the fourth moment about the mean.
+    fn moments(mut draw: impl FnMut() -> f64) -> [f64; 4] {
+        let values: Vec<f64> = (0..COUNT).map(|_| draw()).collect();
+        let mean_of = |power: i32, center: f64| {
+            let powers = values.iter().map(|value| (value - center).powi(power));
+            powers.sum::<f64>() / COUNT as f64
+        };
+        let mean = mean_of(1, 0.0);
+        [mean, mean_of(2, mean), mean_of(3, mean), mean_of(4, mean)]
+    }
+
+    #[test]
+    fn what_is_drawn_has_the_moments_of_its_distribution() {
+        let mut random = SeededRandom::new("moments", 1);
+        let near = |found: [f64; 4], wanted: [f64; 4], off: [f64; 4]| {
+            for ((found, wanted), off) in found.iter().zip(wanted).zip(off) {
+                assert!((found - wanted).abs() < off, "{found} is not {wanted}");
+            }
+        };
+        let found = moments(|| normal(&mut random));
+        near(found, [0.0, 1.0, 0.0, 3.0], [0.02, 0.02, 0.05, 0.15]);
+        // Of shape k: mean and variance k, third moment 2k, fourth 3k² + 6k.
+        for k in [0.5, 1.0, 3.0, 20.0] {
+            let found = moments(|| gamma_of_any_shape(&mut random, k));
+            let wanted = [k, k, 2.0 * k, 3.0 * k * k + 6.0 * k];
+            let off = [0.02 * k, 0.03 * k, 0.2 * k, 0.15 * wanted[3]];
+            near(found, wanted, off);
+        }
+    }
+
+    /// All numbers below a bound come as often, and the halves of one number do not repeat.
+    #[test]
+    fn draws_are_even() {
+        for bound in [1, 3, 7, 1000] {
+            let mut draws = Draws::new(SeededRandom::new("even", 2), bound);
+            let mut counts = vec![0u32; bound as usize];
+            let mut pairs = 0;
+            let mut before = usize::MAX;
+            for _ in 0..COUNT {
+                let drawn = draws.next();
+                counts[drawn] += 1;
+                pairs += u32::from(drawn == before);
+                before = drawn;
+            }
+            let wanted = COUNT as f64 / f64::from(bound);
+            let far = counts
+                .iter()
+                .filter(|count| (f64::from(**count) - wanted).abs() > 4.5 * wanted.sqrt());
+            assert_eq!(far.count(), 0, "{bound}: {counts:?}");
+            assert!((f64::from(pairs) - wanted).abs() < 4.5 * wanted.sqrt() + 1.0);
+        }
+        // Half of all halves are of no use for a bound of a little more than half of their range: one of
+        // them has to fall into the last third in a third of the draws.
+        let bound = 3 << 30;
+        let mut draws = Draws::new(SeededRandom::new("even", 3), bound);
+        let last = (0..COUNT).filter(|_| draws.next() >= 2 << 30).count();
+        assert!(
+            (last as f64 / COUNT as f64 - 1.0 / 3.0).abs() < 0.01,
+            "{last}"
+        );
+    }
+}

@@ -78,7 +78,14 @@ fn wilson_gives_published_values() {
         assert!((found.low - low).abs() < 5e-5, "{found:?}");
         assert!((found.high - high).abs() < 5e-5, "{found:?}");
     }
-    assert_eq!(wilson(7, 7).unwrap().high.to_bits(), 1.0f64.to_bits());
+    for trials in 1..200 {
+        let (none, all) = (wilson(0, trials).unwrap(), wilson(trials, trials).unwrap());
+        assert_eq!(
+            (none.low.to_bits(), all.high.to_bits()),
+            (0, 1.0f64.to_bits())
+        );
+        assert!(none.high < 1.0 && all.low > 0.0);
+    }
     assert_eq!(wilson(0, 0), None);
 }
 
@@ -130,6 +137,30 @@ fn paired_rates_give_published_values() {
     close(difference, 0.2, 1e-12);
     assert!((interval.low - 0.0569).abs() < 5e-5, "{interval:?}");
     assert!((interval.high - 0.3404).abs() < 5e-5, "{interval:?}");
+    // Where neither and both solve many, pairs agree more often than by chance, and are corrected for
+    // continuity. The second is of Cavo et al. (2012) in Fagerland, Lydersen and Laake, "Statistical
+    // analysis of contingency tables" (2017), section 8.6; and both sides are each other's mirror.
+    for (counts, difference, low, high) in [
+        ((20, 12, 2, 16), 0.2, 0.0562, 0.3292),
+        ((59, 6, 16, 80), -0.0621, -0.1186, -0.0046),
+        ((18, 14, 0, 18), 0.28, 0.1441, 0.3963),
+        ((1, 1, 7, 12), -0.2857, -0.5069, -0.0256),
+        ((53, 16, 0, 0), 0.2319, 0.1329, 0.3440),
+    ] {
+        let (both, first, second, neither) = counts;
+        let found = paired_rate_difference(both, first, second, neither).unwrap();
+        let mirror = paired_rate_difference(both, second, first, neither).unwrap();
+        for (found, wanted) in [
+            (found.0, difference),
+            (found.1.low, low),
+            (found.1.high, high),
+            (-mirror.0, difference),
+            (-mirror.1.high, low),
+            (-mirror.1.low, high),
+        ] {
+            assert!((found - wanted).abs() < 5e-5, "{counts:?}: {found}");
+        }
+    }
     // Who solve the same cases differ by nothing, and by no more than their rates may be off.
     let (difference, interval) = paired_rate_difference(50, 0, 0, 0).unwrap();
     assert!(
@@ -229,7 +260,24 @@ fn sign_flips_give_exact_values() {
     let found = p(&uneven).unwrap();
     assert!((found - wanted).abs() < 0.01, "{found} is not {wanted}");
     let all: Vec<f64> = (0..40).map(|at| 1.0 + f64::from(at)).collect();
-    assert!(p(&all).unwrap() > 0.0);
+    assert!(p(&all).unwrap() > 0.0 && p(&all).unwrap() < 1e-4);
+    // Every sign is drawn by itself: two that outweigh all others are alike in a half of the draws, and
+    // the others add to them in a half of these.
+    for (one, other) in [
+        (0, 1),
+        (0, 64),
+        (63, 127),
+        (64, 128),
+        (64, 129),
+        (65, 130),
+        (1, 139),
+    ] {
+        let small = |at: usize| (1.0 + (at % 5) as f64) * if at % 2 == 0 { 1e-3 } else { -1e-3 };
+        let mut values: Vec<f64> = (0..140).map(small).collect();
+        (values[one], values[other]) = (100.0, 100.0);
+        let found = p(&values).unwrap();
+        assert!((found - 0.25).abs() < 0.08, "{one} and {other}: {found}");
+    }
 }
 
 #[test]
@@ -386,6 +434,16 @@ fn without_censoring_the_restricted_mean_is_the_mean() {
         1.959_963_984_540_054 * (variance / n).sqrt(),
         1e-9,
     );
+    // Everybody ended within the budget, as is usual: after the last end nothing is unsure.
+    let ended = [3.0, 1.0, 2.0].map(|value| Time { value, ended: true });
+    let (found, interval) = Survival::of(&ended).restricted_mean(10.0);
+    close(found, 2.0, 1e-12);
+    let half = 1.959_963_984_540_054 * (2.0f64 / 3.0 / 3.0).sqrt();
+    close(interval.low, 2.0 - half, 1e-9);
+    close(interval.high, 2.0 + half, 1e-9);
+    // What ends at the moment itself has not ended before it.
+    close(Survival::of(&ended).restricted_mean(3.0).0, 2.0, 1e-12);
+    close(Survival::of(&ended).restricted_mean(0.5).0, 0.5, 1e-12);
     // Nobody ended: all that is known is the budget.
     let stopped = [Time {
         value: 5.0,
@@ -427,6 +485,24 @@ fn the_bayesian_signed_rank_test_gives_values_of_baycomp() {
         }
     }
     assert_eq!(bayesian_signed_rank(&[], 0.1, 100, 1), None);
+    assert_eq!(bayesian_signed_rank(&differences, 0.1, 0, 1), None);
+    // The other way round it is the mirror, with the same draws.
+    let mirrored = differences.map(|difference| -difference);
+    let found = bayesian_signed_rank(&differences, 0.2, 2000, 1).unwrap();
+    let mirror = bayesian_signed_rank(&mirrored, 0.2, 2000, 1).unwrap();
+    assert!(found.above > 0.4 && found.equivalent > 0.4);
+    close(mirror.below, found.above, 1e-12);
+    close(mirror.equivalent, found.equivalent, 1e-12);
+    let sum = found.below + found.equivalent + found.above;
+    close(sum, 1.0, 1e-12);
+    // One difference of 1 beside the zero, with the weight v of Beta(1, ½): its mean with itself, which
+    // counts v², is above 0.75 and no other, and v² is more than a half in √(1 − √½) of the draws.
+    let one = bayesian_signed_rank(&[1.0], 0.75, 50_000, 1).unwrap();
+    let wanted = (1.0 - 0.5f64.sqrt()).sqrt();
+    assert!((one.above - wanted).abs() < 0.01, "{one:?}");
+    // Its mean with the zero is on the edge, and counts half: v² + v(1 − v) is above a half in √½.
+    let edge = bayesian_signed_rank(&[1.0], 0.5, 50_000, 1).unwrap();
+    assert!((edge.above - 0.5f64.sqrt()).abs() < 0.01, "{edge:?}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fleetyard_check::{
-    ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, validate_trajectories,
+    ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, Near, Tolerance,
 };
 use fleetyard_core::{Grid, GridInstance, GridPlan, Knot, TrajectoryPlan};
 use fleetyard_world::exact::Obstacles;
@@ -11,6 +11,8 @@ use fleetyard_world::{
     Boundary, Bounds, Dynamics, Footprint, Polygon, Pose, Shape, Travel, Workspace,
 };
 use proptest::prelude::*;
+
+use crate::validated;
 
 fn disc(radius_m: f64) -> Shape {
     Footprint::Disc { radius_m }.shape().unwrap()
@@ -81,7 +83,7 @@ fn every_rule() {
         limits: Some(&limits),
         ..ContinuousTask::new(&shapes, &obstacles)
     };
-    let verdict = validate_trajectories(&good, &task, 10);
+    let verdict = validated(&good, &task, 10);
     assert_eq!(sentences(&verdict), [""; 0]);
     assert!(verdict.valid);
     assert!((verdict.checked_until_s - 6.1).abs() < 1e-12);
@@ -94,7 +96,7 @@ fn every_rule() {
             (3.0, 9.75, 2.0, 3.0),
         ],
     ]);
-    let verdict = validate_trajectories(&bad, &task, 10);
+    let verdict = validated(&bad, &task, 10);
     assert!(!verdict.valid);
     assert_eq!(
         sentences(&verdict),
@@ -138,7 +140,7 @@ fn an_instant_reversal_and_too_fast_an_axis_are_refused() {
             let x = path[at].1 + 0.1 * speed;
             path.push((0.1 * (at + 1) as f64, x, 0.0, 0.0));
         }
-        validate_trajectories(&plan(&[&path]), &task, 10)
+        validated(&plan(&[&path]), &task, 10)
     };
     assert!(driven(&[0.2, 0.4, 0.5, 0.5, 0.4, 0.2]).valid);
     let reversal = driven(&[0.2, 0.4, 0.5, -0.5, -0.4, -0.2]);
@@ -188,10 +190,10 @@ fn the_edge_of_a_world_is_kept_at_all_times() {
         (4.0, 1.0, 1.0, 0.0),
         (8.0, 1.0, 5.0, 0.0),
     ]]);
-    assert!(validate_trajectories(&around, &task, 10).valid);
+    assert!(validated(&around, &task, 10).valid);
     // Straight through the notch, in and out again.
     let across = plan(&[&[(0.0, 5.0, 1.0, 0.0), (4.0, 1.0, 5.0, 0.0)]]);
-    let verdict = validate_trajectories(&across, &task, 10);
+    let verdict = validated(&across, &task, 10);
     assert_eq!(verdict.violations.len(), 1, "{:?}", verdict.violations);
     let found = &verdict.violations[0];
     assert_eq!(found.rule, ContinuousRule::OutOfBounds);
@@ -203,7 +205,7 @@ fn the_edge_of_a_world_is_kept_at_all_times() {
     );
     // Far beyond, in the notch and out of the box.
     let away = plan(&[&[(0.0, 5.0, 1.0, 0.0), (1.0, 500.0, 100.0, 0.0)]]);
-    let verdict = validate_trajectories(&away, &task, 10);
+    let verdict = validated(&away, &task, 10);
     assert_eq!(verdict.violations.len(), 1);
     assert_eq!(verdict.violations[0].end_s, None);
 }
@@ -229,20 +231,123 @@ fn the_first_conflict_comes_first() {
     let shapes = [&disc; 4];
     let none = Obstacles::none();
     let task = ContinuousTask::new(&shapes, &none);
-    let first = validate_trajectories(&plan, &task, 1);
+    let first = validated(&plan, &task, 1);
     assert_eq!(first.violations.len(), 1);
     assert_eq!(first.violations[0].rule, ContinuousRule::AgentContact);
     assert_eq!(first.violations[0].agents, [1, 3]);
     assert!(first.checked_until_s < 10.0);
-    let all = validate_trajectories(&plan, &task, 100);
+    let all = validated(&plan, &task, 100);
     assert_eq!(all.violations[0], first.violations[0]);
     assert_eq!(all.violations.last().unwrap().agents, [0, 1]);
     // Nobody knows who is who if the numbers differ.
-    let task = ContinuousTask::new(&shapes[..3], &none);
-    let verdict = validate_trajectories(&plan, &task, 0);
+    let (poses, limits) = ([Pose::at(0.0, 0.0); 5], [free(); 3]);
+    let task = ContinuousTask {
+        starts: Some(&poses),
+        goals: Some(&poses[..2]),
+        limits: Some(&limits),
+        trailers: &[None],
+        ..ContinuousTask::new(&shapes[..3], &none)
+    };
+    let verdict = validated(&plan, &task, 10);
+    assert!(verdict.checked_until_s <= 0.0);
+    let told = |count, what| format!("the plan has 4 agents, but there are {count} {what}");
     assert_eq!(
         sentences(&verdict),
-        ["the plan has 4 agents, but there are 3 footprints"]
+        [
+            told(3, "footprints"),
+            told(5, "starts"),
+            told(2, "goals"),
+            told(3, "limits"),
+            told(1, "trailers")
+        ]
+    );
+}
+
+/// What can do anything.
+fn free() -> Dynamics {
+    Dynamics {
+        travel: Travel::Polar {
+            speed: f64::INFINITY,
+            acceleration: f64::INFINITY,
+        },
+        turn_rad_per_s: f64::INFINITY,
+        turn_acceleration_rad_per_s2: f64::INFINITY,
+        curvature_rad_per_m: f64::INFINITY,
+    }
+}
+
+/// A rectangle that ended turned by 1.5 rad was right where nothing but its place was looked at.
+#[test]
+fn a_rectangle_looks_where_its_start_and_its_goal_say() {
+    let rectangle = Footprint::Rectangle {
+        length_m: 1.0,
+        width_m: 0.5,
+    };
+    let (rectangle, disc) = (rectangle.shape().unwrap(), disc(0.5));
+    let none = Obstacles::none();
+    let with_headings = plan(&[&[(0.0, 1.0, 1.0, 0.25), (4.0, 9.0, 1.0, 0.75)]]);
+    let mut without = TrajectoryPlan::default();
+    let knots = with_headings.knots(0).iter().map(|knot| Knot {
+        heading_rad: None,
+        ..knot
+    });
+    without.push_path(knots).unwrap();
+    let told = |plan: &TrajectoryPlan, shape: &Shape, tolerance: Tolerance, poses: [Pose; 2]| {
+        let [start, goal] = poses.map(|pose| [pose]);
+        let shapes = [shape];
+        let task = ContinuousTask {
+            starts: Some(&start),
+            goals: Some(&goal),
+            tolerance,
+            ..ContinuousTask::new(&shapes, &none)
+        };
+        let verdict = validated(plan, &task, 10);
+        let told = |found: &ContinuousViolation| format!("{}: {found}", found.rule);
+        verdict.violations.iter().map(told).collect::<Vec<_>>()
+    };
+    let looks = |start: f64, goal: f64| [Pose::new(1.0, 1.0, start), Pose::new(9.0, 1.0, goal)];
+    let exact = Tolerance::default();
+    for turns in [-2.0, -1.0, 0.0, 1.0] {
+        let poses = looks(0.25 - turns * TAU, 0.75 + turns * TAU);
+        assert_eq!(told(&with_headings, &rectangle, exact, poses), [""; 0]);
+    }
+    let turned = looks(1.25, -0.75);
+    assert_eq!(
+        told(&with_headings, &rectangle, exact, turned),
+        [
+            "wrong-start: agent 0 begins at its start, but turned by 1 rad",
+            "wrong-goal: agent 0 ends at its goal, but turned by 1.5 rad",
+        ]
+    );
+    assert_eq!(told(&with_headings, &disc, exact, turned), [""; 0]);
+    assert_eq!(told(&without, &rectangle, exact, turned), [""; 0]);
+    // What is forgiven is, to the end, and each by its own.
+    let near = |place_m: f64, heading_rad: f64| Near {
+        place_m,
+        heading_rad,
+    };
+    let forgiving = Tolerance {
+        start: near(0.5, 0.25),
+        goal: near(0.25, 0.5),
+        ..exact
+    };
+    let at = |x: f64, by: f64| {
+        [
+            Pose::new(1.0 - x, 1.0, by),
+            Pose::new(9.0, 1.0 + x, 0.5 + by),
+        ]
+    };
+    assert_eq!(
+        told(&with_headings, &rectangle, forgiving, at(0.25, 0.5)),
+        [""; 0]
+    );
+    assert_eq!(
+        told(&with_headings, &rectangle, forgiving, at(0.5, 0.0)),
+        ["wrong-goal: agent 0 ends 0.5 m from its goal"]
+    );
+    assert_eq!(
+        told(&with_headings, &rectangle, forgiving, at(0.0, 0.625)),
+        ["wrong-start: agent 0 begins at its start, but turned by 0.375 rad"]
     );
 }
 
@@ -286,7 +391,7 @@ proptest! {
         let obstacles = Obstacles::cells(&grid, side_m).unwrap();
         let trajectories = TrajectoryPlan::from_grid(&plan, &grid, side_m, 1.0).unwrap();
         let task = ContinuousTask::new(&shapes, &obstacles);
-        let continuous = validate_trajectories(&trajectories, &task, 100);
+        let continuous = validated(&trajectories, &task, 100);
         prop_assert_eq!(discrete.valid, continuous.valid, "{:?}", discrete.violations);
         if let (Some(one), Some(two)) = (discrete.violations.first(), continuous.violations.first()) {
             // A contact begins in the step before the time of the violation.

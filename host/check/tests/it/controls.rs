@@ -1,12 +1,16 @@
 //! Controls beside knots and alone.
 
+use std::f64::consts::TAU;
+
 use fleetyard_check::{
-    ContinuousRule, ContinuousTask, ContinuousVerdict, ControlTask, validate_trajectories,
+    ContinuousRule, ContinuousTask, ContinuousVerdict, ContinuousViolation, ControlTask,
 };
 use fleetyard_core::{ControlPlan, Knot, Robot, TrajectoryPlan};
 use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{ControlModel, Dynamics, Footprint, Shape};
 use serde_json::json;
+
+use crate::validated;
 
 type Segments = Vec<(f64, [f64; 2])>;
 
@@ -86,7 +90,7 @@ fn judged(
         limits: Some(&limits),
         ..ContinuousTask::new(&shapes, &obstacles)
     };
-    validate_trajectories(plan, &task, 20)
+    validated(plan, &task, 20)
 }
 
 fn at(x: f64) -> Vec<f64> {
@@ -113,6 +117,23 @@ fn controls_alone_are_a_motion() {
             .starts_with("agent 0 ends with speed along x 0.0999"),
         "{found}"
     );
+    // Too long a stop leads backwards, and a goal may ask for a speed.
+    for (stop_s, goal, told) in [
+        (0.3, 0.0, "-0.0999"),
+        (0.25, 0.1, "0, not 0.1"),
+        (0.25, -0.1, "0, not -0.1"),
+    ] {
+        let mut stops = along_x(1.75);
+        stops[2].0 = stop_s;
+        let goals = [vec![1.0, 0.0, goal, 0.0]];
+        let verdict = judged(&plan(&[(None, stops)], &starts), &starts, &goals, |_| {});
+        let [found] = &verdict.violations[..] else {
+            panic!("{:?}", verdict.violations);
+        };
+        assert_eq!(found.rule, ContinuousRule::WrongGoal);
+        let sentence = format!("agent 0 ends with speed along x {told}");
+        assert!(found.sentence.starts_with(&sentence), "{found}");
+    }
     // Any rate will do, and nobody says which.
     for goals in [&[][..], &[vec![1.0, 0.0, f64::NAN, f64::NAN]]] {
         let mut rolls = along_x(1.75);
@@ -168,6 +189,21 @@ fn controls_lead_to_the_knots() {
     assert!(found[0].time_s >= 2.0 && excess.place_m[0] > 0.9);
     let told = "the controls of agent 0 lead 0.01";
     assert!(found[0].sentence.starts_with(told), "{}", found[0]);
+    let limit = " m beside its knots, more than 0.005 m, at ";
+    assert!(found[0].sentence.contains(limit), "{}", found[0]);
+    // A swerve where the controls lead straight on, between two samples of theirs.
+    let mut swerves = knots(0.0);
+    swerves.insert(3, knot(1.0, 0.4375, 0.05));
+    let swerves = plan(&[(Some(swerves), along_x(1.75))], &starts);
+    let found = judged(&swerves, &starts, &[], |_| {}).violations;
+    let [found] = &found[..] else {
+        panic!("{found:?}");
+    };
+    assert_eq!(
+        (found.rule, found.time_s),
+        (ContinuousRule::OffControls, 1.0)
+    );
+    assert!((found.excess.unwrap().value - 0.05).abs() < 1e-9, "{found}");
     // Few knots hide a detour from nobody.
     let detour = vec![
         (0.25, [0.0, 2.0]),
@@ -211,12 +247,12 @@ fn one_has_controls_and_another_knots() {
 fn robots_that_touch_may_be_off_by_what_chords_are() {
     let starts = [at(0.0), at(1.5)];
     let mut comes = along_x(1.75);
-    // Ends where the discs touch, but for rounding and a chord.
-    comes[1].0 += 1.5e-4;
+    // Ends where the discs touch, but for rounding and a chord: 0.25 mm of both, of place and heading.
+    comes[1].0 += 2.0 * 2.4e-4;
     let stands = vec![knot(0.0, 1.5, 0.0)];
     let agents = [(None, comes.clone()), (Some(stands.clone()), Vec::new())];
     assert!(judged(&plan(&agents, &starts), &starts, &[], |_| {}).valid);
-    comes[1].0 += 1e-3;
+    comes[1].0 += 2.0 * 2e-5;
     let agents = [(None, comes), (Some(stands), Vec::new())];
     let found = judged(&plan(&agents, &starts), &starts, &[], |_| {}).violations;
     assert_eq!(found[0].rule, ContinuousRule::AgentContact);
@@ -240,4 +276,57 @@ fn controls_of_another_robot_are_none() {
         found[0].sentence,
         "agent 0 cannot be driven: segment 0 has a control of 3 numbers, but the robot takes 2"
     );
+}
+
+#[test]
+fn headings_of_knots_are_held_against_the_controls_up_to_whole_turns() {
+    let any = json!([null, null]);
+    let robot: Robot = serde_json::from_value(json!({
+        "footprint": {"radius_m": 0.25}, "dynamics": "fleetyard.unicycle/1", "has_heading": true,
+        "state_limits": [any, any, any], "control_limits": [[-1.0, 1.0], [-2.0, 2.0]],
+    }))
+    .unwrap();
+    let (model, disc, none) = (
+        ControlModel::new(&robot).unwrap(),
+        disc(),
+        Obstacles::none(),
+    );
+    let mut round = ControlPlan::default();
+    round.push_agent([(2.0, [0.5, 1.0])]).unwrap();
+    let starts = [vec![0.0, 0.0, 0.0]];
+    let driven = model.drive(&starts[0], round.of(0), 1 << 12).unwrap();
+    let shapes = [&disc];
+    let turned = |by: f64| {
+        let mut plan = TrajectoryPlan::default();
+        let turned = driven.knots.iter().map(|knot| Knot {
+            heading_rad: knot.heading_rad.map(|heading| heading + by),
+            ..*knot
+        });
+        plan.push_path(turned).unwrap();
+        let plan = plan.with_controls(round.clone()).unwrap();
+        let task = ContinuousTask {
+            controls: Some(ControlTask {
+                models: &[Some(&model)],
+                starts: &starts,
+                goals: &[],
+                tolerance: 0.01,
+                goal_rate: 1e-6,
+            }),
+            ..ContinuousTask::new(&shapes, &none)
+        };
+        let verdict = validated(&plan, &task, 10);
+        let told = |found: &ContinuousViolation| (found.rule, found.sentence.clone());
+        verdict.violations.first().map(told)
+    };
+    for turns in [-3.0, -1.0, 0.0, 1.0, 2.0] {
+        assert_eq!(turned(turns * TAU), None);
+        assert_eq!(turned(turns * TAU + 0.01), None);
+        for by in [0.25, -0.25] {
+            let (rule, sentence) = turned(turns * TAU + by).unwrap();
+            assert_eq!(rule, ContinuousRule::OffControls);
+            let told =
+                "the controls of agent 0 lead 0.25 rad beside its knots, more than 0.01 rad, at";
+            assert!(sentence.starts_with(told), "{sentence}");
+        }
+    }
 }

@@ -51,25 +51,51 @@ fn crossing() -> Roadmap {
     )
 }
 
-fn judge(radius_m: f64, pace: Pace, paths: &[&[(u32, f64, f64)]]) -> RoadmapVerdict {
-    let (roadmap, disc) = (crossing(), disc(radius_m));
-    let task = RoadmapTask {
-        pace,
-        ..RoadmapTask::new(&roadmap, &disc, 1.0)
+/// Judges a plan in as much time as it takes at that speed, instead of at 1 m/s.
+fn judge_at(
+    speed: f64,
+    roadmap: &Roadmap,
+    radius_m: f64,
+    paths: &[&[(u32, f64, f64)]],
+) -> RoadmapVerdict {
+    let at_speed = |path: &&[(u32, f64, f64)]| -> Vec<(u32, f64, f64)> {
+        let visit = |visit: &(u32, f64, f64)| (visit.0, visit.1 / speed, visit.2 / speed);
+        path.iter().map(visit).collect()
     };
-    validate_roadmap(&plan(paths), &task, 100)
+    let paths: Vec<Vec<(u32, f64, f64)>> = paths.iter().map(at_speed).collect();
+    let paths: Vec<&[(u32, f64, f64)]> = paths.iter().map(Vec::as_slice).collect();
+    let disc = disc(radius_m);
+    let task = RoadmapTask::new(roadmap, &disc, speed);
+    let verdict = validate_roadmap(&plan(&paths), &task, 100);
+    assert_eq!(verdict.valid, verdict.violations.is_empty());
+    verdict
 }
 
-/// Rule, vertices and least distance, in thousandths, of every violation of robots that are
-/// 0.5 m across and move at 1 m/s.
-fn found(paths: &[&[(u32, f64, f64)]]) -> Vec<(RoadmapRule, Vec<u32>, Option<u32>)> {
-    let verdict = judge(0.25, Pace::StopGo, paths);
-    assert_eq!(verdict.valid, verdict.violations.is_empty());
-    let told = |found: RoadmapViolation| {
-        let least = found.least_m.map(|least| (least * 1e3).round() as u32);
-        (found.rule, found.vertices, least)
+fn judge(radius_m: f64, paths: &[&[(u32, f64, f64)]]) -> RoadmapVerdict {
+    judge_at(1.0, &crossing(), radius_m, paths)
+}
+
+type Told = (RoadmapRule, Vec<u32>, Option<u32>);
+
+/// Rule, vertices and least distance, in thousandths, of every violation of robots that are 0.5 m
+/// across: at 1 m/s, and at half and twice that in twice and half of the time.
+fn found_on(roadmap: &Roadmap, paths: &[&[(u32, f64, f64)]]) -> Vec<Told> {
+    let at = |speed: f64| -> Vec<Told> {
+        let verdict = judge_at(speed, roadmap, 0.25, paths);
+        let told = |found: RoadmapViolation| {
+            let least = found.least_m.map(|least| (least * 1e3).round() as u32);
+            (found.rule, found.vertices, least)
+        };
+        verdict.violations.into_iter().map(told).collect()
     };
-    verdict.violations.into_iter().map(told).collect()
+    let found = at(1.0);
+    assert_eq!(at(0.5), found);
+    assert_eq!(at(2.0), found);
+    found
+}
+
+fn found(paths: &[&[(u32, f64, f64)]]) -> Vec<Told> {
+    found_on(&crossing(), paths)
 }
 
 /// From the west to the east in passing the crossing at 2 s.
@@ -105,6 +131,10 @@ fn contacts_have_the_names_of_the_rules() {
         found(&[leads, follows]),
         [(Headway, vec![0, 2, 3, 0], Some(212))]
     );
+    assert_eq!(
+        found(&[follows, leads]),
+        [(Headway, vec![3, 0, 0, 2], Some(212))]
+    );
     // (iv): where two edges cross without a vertex.
     let over = &[(5, 0.0, 2.0), (6, 4.0, 4.0)];
     assert_eq!(
@@ -112,6 +142,11 @@ fn contacts_have_the_names_of_the_rules() {
         [(CrossingEdges, vec![0, 1, 5, 6], Some(0))]
     );
     // None of the four: a headway of half a second and more, but round a corner.
+    let exactly = &[(4, 0.0, 0.5), (0, 2.5, 2.5), (3, 4.5, 4.5)];
+    assert_eq!(
+        with_eastward(exactly),
+        [(Near, vec![0, 1, 4, 0], Some(354))]
+    );
     let later = &[(4, 0.0, 0.55), (0, 2.55, 2.55), (3, 4.55, 4.55)];
     assert_eq!(with_eastward(later), [(Near, vec![0, 1, 4, 0], Some(389))]);
     let later = &[(4, 0.0, 0.8), (0, 2.8, 2.8), (3, 4.8, 4.8)];
@@ -121,11 +156,90 @@ fn contacts_have_the_names_of_the_rules() {
 #[test]
 fn robots_of_a_smaller_radius_are_held_to_it() {
     let paths: [&[(u32, f64, f64)]; 2] = [EASTWARD, &[(4, 0.0, 0.55), (0, 2.55, 2.55)]];
-    let least = judge(0.25, Pace::StopGo, &paths).violations[0]
-        .least_m
-        .unwrap();
-    assert!(!judge(0.5 * least + 1e-5, Pace::StopGo, &paths).valid);
-    assert!(judge(0.5 * least - 1e-5, Pace::StopGo, &paths).valid);
+    let least = judge(0.25, &paths).violations[0].least_m.unwrap();
+    assert!(!judge(0.5 * least + 1e-5, &paths).valid);
+    assert!(judge(0.5 * least - 1e-5, &paths).valid);
+}
+
+/// Edges that neither join nor cross were taken for some that do.
+#[test]
+fn contacts_beside_edges_have_no_rule() {
+    use RoadmapRule::Near;
+    let mut vertices: Vec<(f64, f64)> = (0..8).map(|at| crossing().position_m(at)).collect();
+    // Beside the east end of the arm, upwards and downwards; and on the arm itself, from below.
+    vertices.extend([(2.2, 0.3), (2.2, 2.3), (2.2, -1.7), (1.0, -1.0), (1.0, 0.0)]);
+    let roadmap = roadmap(&vertices, &[(0, 1), (3, 0), (8, 9), (8, 10), (11, 12)]);
+    let of_both =
+        |other: &[(u32, f64, f64)], one_first: &[u32], other_first: &[u32], least: u32| {
+            let near = |vertices: &[u32]| [(Near, vertices.to_vec(), Some(least))];
+            assert_eq!(found_on(&roadmap, &[EASTWARD, other]), near(one_first));
+            assert_eq!(found_on(&roadmap, &[other, EASTWARD]), near(other_first));
+        };
+    // It begins less than half a second before the other arrives, elsewhere.
+    let upward = &[(8, 0.0, 3.8), (9, 5.8, 5.8)];
+    of_both(upward, &[0, 1, 8, 9], &[8, 9, 0, 1], 495);
+    // It crosses the line of the arm, beyond its end.
+    let downward = &[(8, 0.0, 3.4), (10, 5.4, 5.4)];
+    of_both(downward, &[0, 1, 8, 10], &[8, 10, 0, 1], 354);
+    // It ends on the arm, or begins there.
+    let onto = &[(11, 0.0, 2.4), (12, 3.4, 3.4), (11, 4.4, 4.4)];
+    of_both(onto, &[0, 1, 11, 12], &[11, 12, 0, 1], 283);
+    let from = &[(12, 0.0, 2.6), (11, 3.6, 3.6)];
+    of_both(from, &[0, 1, 12, 11], &[12, 11, 0, 1], 283);
+    // One stands, where the other passes or arrives.
+    of_both(&[(12, 0.0, 0.0)], &[0, 1, 12], &[12, 0, 1], 0);
+    of_both(&[(8, 0.0, 0.0)], &[1, 8], &[8, 1], 361);
+}
+
+#[test]
+fn sentences_round_to_a_millionth() {
+    let verdict = judge(0.25, &[EASTWARD, &[(4, 0.0, 0.55), (0, 2.55, 2.55)]]);
+    let sentence = &verdict.violations[0].sentence;
+    let (what, nearest) = sentence.split_once(": nearer than 0.5 m from ").unwrap();
+    assert_eq!(what, "agents 0 and 1 drive between 0 and 1, 4 and 0");
+    assert!(nearest.ends_with(" s, 0.388909 m at 2.275 s"), "{nearest}");
+    // A contact that never ends is at its end.
+    let verdict = judge(0.25, &[EASTWARD, &[(1, 0.0, 0.0)]]);
+    let sentence = &verdict.violations[0].sentence;
+    assert!(
+        sentence.ends_with(" s on, 0 m at 4 s") && verdict.violations[0].end_s.is_none(),
+        "{sentence}"
+    );
+}
+
+/// At 1 m/s a length is a time.
+#[test]
+fn the_time_of_an_edge_is_its_length_by_the_speed() {
+    use RoadmapRule::{TooFast, TooSlow};
+    let (roadmap, disc) = (crossing(), disc(0.25));
+    for (speed, needs_s) in [(0.5, 4.0), (2.0, 1.0)] {
+        let judged = |pace, time_s: f64, takes_s: f64| {
+            let task = RoadmapTask {
+                pace,
+                time_s,
+                ..RoadmapTask::new(&roadmap, &disc, speed)
+            };
+            let path: &[(u32, f64, f64)] = &[(3, 0.0, 0.5), (0, 0.5 + takes_s, 99.0)];
+            let verdict = validate_roadmap(&plan(&[path]), &task, 10);
+            assert_eq!(verdict.valid, verdict.violations.is_empty());
+            let told =
+                |found: &RoadmapViolation| (found.rule, found.time_s, found.vertices.clone());
+            verdict.violations.first().map(told)
+        };
+        for pace in [Pace::StopGo, Pace::Slower] {
+            assert_eq!(judged(pace, 1e-6, needs_s), None);
+            let fast = Some((TooFast, 0.5, vec![3, 0]));
+            assert_eq!(judged(pace, 1e-6, needs_s - 1e-3), fast);
+            // What is forgiven is, to the end.
+            assert_eq!(judged(pace, 0.25, needs_s - 0.25), None);
+            assert_eq!(judged(pace, 0.25, needs_s - 0.375), fast);
+        }
+        let slow = Some((TooSlow, 0.5, vec![3, 0]));
+        assert_eq!(judged(Pace::StopGo, 1e-6, needs_s + 1e-3), slow);
+        assert_eq!(judged(Pace::StopGo, 0.25, needs_s + 0.25), None);
+        assert_eq!(judged(Pace::StopGo, 0.25, needs_s + 0.375), slow);
+        assert_eq!(judged(Pace::Slower, 1e-6, 3.0 * needs_s), None);
+    }
 }
 
 #[test]
@@ -142,6 +256,15 @@ fn what_is_wrong_with_one_path_is_named() {
             ..RoadmapTask::new(&roadmap, &disc, 1.0)
         };
         let verdict = validate_roadmap(&plan(paths), &task, 100);
+        assert_eq!(verdict.valid, verdict.violations.is_empty());
+        let is_whole = |found: &RoadmapViolation| {
+            let rule = found.rule.name();
+            !rule.starts_with("no-such") && rule != "agent-count"
+        };
+        if !verdict.violations.iter().all(is_whole) {
+            // Nobody looked for contacts.
+            assert!(verdict.checked_until_s <= 0.0);
+        }
         let told = |found: RoadmapViolation| format!("{}: {}", found.rule, found.sentence);
         verdict.violations.into_iter().map(told).collect::<Vec<_>>()
     };
@@ -152,6 +275,10 @@ fn what_is_wrong_with_one_path_is_named() {
             "wrong-start: agent 0 begins at vertex 3, its start is 4",
             "wrong-goal: agent 0 ends at vertex 1, its goal is 2",
         ]
+    );
+    assert_eq!(
+        told(StopGo, &[EASTWARD], &[3], &[1, 2]),
+        ["agent-count: the plan has 1 agents, but there are 2 goals"]
     );
     assert_eq!(
         told(StopGo, &[EASTWARD], &[3, 4], &[1]),

@@ -147,6 +147,26 @@ fn one_agent_rules() {
         &[&[(0, 0), (0, 1), (0, 1), (0, 2)]],
         &["obstacle: agent 0 is on an obstacle at (0, 1) at time 1"],
     );
+    // Where it begins counts too, and what explains the rest comes first.
+    check(
+        Four,
+        wall,
+        &[&[(0, 1), (0, 2)]],
+        &[
+            "wrong-start: agent 0 begins at (0, 1), its start is (0, 0)",
+            "obstacle: agent 0 is on an obstacle at (0, 1) at time 0",
+        ],
+    );
+    check(
+        Four,
+        wall,
+        &[&[(-1, 0), (0, 2)], &[(1, 0)]],
+        &[
+            "agent-count: the plan has 2 paths, the instance 1 agents",
+            "wrong-start: agent 0 begins at outside the map, its start is (0, 0)",
+            "out-of-bounds: agent 0 is outside the map at time 0",
+        ],
+    );
     check(
         Four,
         wall,

@@ -2,12 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
-use fleetyard_check::{
-    ContinuousRule, ContinuousTask, ContinuousVerdict, TrailerTask, validate_trajectories,
-};
+use fleetyard_check::{ContinuousRule, ContinuousTask, ContinuousVerdict, TrailerTask};
 use fleetyard_core::{Knot, TrajectoryPlan};
 use fleetyard_world::exact::Obstacles;
 use fleetyard_world::{Bounds, Footprint, Polygon, Shape, Trailer, Workspace};
+
+use crate::validated;
 
 fn rectangle(length_m: f64, width_m: f64) -> Shape {
     Footprint::Rectangle { length_m, width_m }.shape().unwrap()
@@ -67,7 +67,7 @@ fn judged(
         trailers: &trailers[..plan.agents()],
         ..ContinuousTask::new(&shapes, &obstacles)
     };
-    validate_trajectories(plan, &task, 10)
+    validated(plan, &task, 10)
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn a_trailer_cuts_a_corner_that_its_car_clears() {
     let (car, obstacles) = (rectangle(0.5, 0.25), Obstacles::workspace(&obstacles));
     let shapes = [&car];
     let alone = ContinuousTask::new(&shapes, &obstacles);
-    assert!(validate_trajectories(&plan, &alone, 10).valid);
+    assert!(validated(&plan, &alone, 10).valid);
 }
 
 #[test]

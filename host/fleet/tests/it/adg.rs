@@ -13,6 +13,9 @@ use proptest::prelude::*;
 
 const QUEUE: u32 = 3;
 
+/// Bytes of a pending node.
+const VISIT: usize = 48;
+
 /// An AGV of 2 m/s, 2 m/s² and 45°/s.
 const PACE: Pace = Pace {
     move_s: 0.5,
@@ -237,11 +240,16 @@ impl Yard {
         assert!(self.adg.is_acyclic());
     }
 
+    /// Some robots may be held, and are told later.
     fn enqueue(&mut self) {
+        let hold = |_| self.chance.unit() < 0.2;
+        let held: Vec<bool> = (0..self.robots.len()).map(hold).collect();
         let robots = &mut self.robots;
         let mut last = 0;
-        self.adg.enqueue(QUEUE, &mut |agent, node| {
+        let is_held = |agent: usize| held[agent];
+        self.adg.enqueue_but(QUEUE, &is_held, &mut |agent, node| {
             assert!(agent >= last, "agents ascend");
+            assert!(!held[agent]);
             last = agent;
             robots[agent].told.push_back(*node);
         });
@@ -562,6 +570,115 @@ fn a_turn_that_takes_steps_begins_with_the_first_of_them() {
     let batch = judge(&grid, &instance, plan).expect("the batch is valid");
     adg.append(&batch, &mut no_goals).unwrap();
     assert_eq!(adg.cut_within(0.5, 0.0, &PACE).cells, [1]);
+}
+
+/// Who closes a cell asks whether somebody is there, was told to come, or is to come.
+#[test]
+fn cells_are_held_by_who_is_there_and_who_was_told() {
+    let grid = open(1, 6);
+    let mut adg = Adg::new(&grid, &[1, 0], &north(2), Costs::default()).unwrap();
+    adg.append(&batch(&grid, &[&[1, 2, 3], &[0, 1, 2]]), &mut no_goals)
+        .unwrap();
+    let held = |adg: &Adg, planned| -> Vec<u32> {
+        let cells = (0..10).filter(|cell| adg.is_held(*cell, planned));
+        cells.collect()
+    };
+    let leads = |adg: &Adg| -> Vec<u32> {
+        let cells = (0..10).filter(|cell| adg.leads_into(&|one| one == *cell));
+        cells.collect()
+    };
+    assert_eq!(
+        (held(&adg, false), leads(&adg)),
+        (vec![0, 1], vec![1, 2, 3])
+    );
+    assert_eq!(held(&adg, true), [0, 1, 2, 3]);
+    adg.enqueue(1, &mut |_, _| {});
+    // One is told of cell 2, into which the other is to go as well.
+    assert_eq!(
+        (held(&adg, false), leads(&adg)),
+        (vec![0, 1, 2], vec![1, 2, 3])
+    );
+    // It has left its cell, which the other was not told of.
+    adg.complete(0, 0, 1, &mut |_| {});
+    assert_eq!(
+        (held(&adg, false), held(&adg, true)),
+        (vec![0, 2], vec![0, 1, 2, 3])
+    );
+    // Who is held is told nothing, and what it was to be told as soon as it is not.
+    let mut told = Vec::new();
+    adg.enqueue_but(1, &|agent| agent == 1, &mut |agent, node| {
+        told.push((agent, node.cell));
+    });
+    assert_eq!(told, []);
+    adg.enqueue(1, &mut |agent, node| told.push((agent, node.cell)));
+    assert_eq!(told, [(1, 1)]);
+    assert_eq!(
+        (held(&adg, false), leads(&adg)),
+        (vec![0, 1, 2], vec![2, 3])
+    );
+    adg.complete(0, 1, 1, &mut |_| {});
+    adg.complete(1, 1, 1, &mut |_| {});
+    adg.enqueue(1, &mut |_, _| {});
+    adg.complete(0, 2, 2, &mut |_| {});
+    assert_eq!((held(&adg, false), leads(&adg)), (vec![1, 3], vec![2]));
+    assert_eq!(held(&adg, true), [1, 2, 3]);
+}
+
+#[test]
+fn many_robots_are_held_and_told_each_by_itself() {
+    let grid = open(2, 130);
+    let starts: Vec<u32> = (0..130).collect();
+    let mut adg = Adg::new(&grid, &starts, &north(130), Costs::default()).unwrap();
+    let paths: Vec<[u32; 2]> = starts.iter().map(|cell| [*cell, cell + 130]).collect();
+    let paths: Vec<&[u32]> = paths.iter().map(|path| &path[..]).collect();
+    adg.append(&batch(&grid, &paths), &mut no_goals).unwrap();
+    let told = |adg: &mut Adg, is_held: &dyn Fn(usize) -> bool| {
+        let mut told = Vec::new();
+        adg.enqueue_but(3, is_held, &mut |agent, _| told.push(agent));
+        told
+    };
+    let thirds = |rest| {
+        (0..130)
+            .filter(|agent| agent % 3 == rest)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(told(&mut adg, &|agent| agent % 3 != 0), thirds(0));
+    assert_eq!(told(&mut adg, &|agent| agent % 3 != 1), thirds(1));
+    assert_eq!(told(&mut adg, &|_| false), thirds(2));
+    assert_eq!(told(&mut adg, &|_| false), [0; 0]);
+}
+
+#[test]
+fn memory_is_counted() {
+    let grid = open(30, 40);
+    let starts: Vec<u32> = (0..100).collect();
+    let mut adg = Adg::new(&grid, &starts, &north(100), Costs::default()).unwrap();
+    // Two words of flags and a byte of fate for each agent, beside what the module's head says.
+    let few = 1200 * 12 + 100 * (40 + VISIT) + 16 + 100;
+    assert_eq!(adg.memory_bytes(), few);
+    let paths: Vec<Vec<u32>> = (0..100)
+        .map(|start| {
+            (0..20)
+                .map(|row| start % 40 + 40 * (start / 40 + row))
+                .collect()
+        })
+        .collect();
+    let paths: Vec<&[u32]> = paths.iter().map(Vec::as_slice).collect();
+    let appended = adg.append(&batch(&grid, &paths), &mut no_goals).unwrap();
+    assert_eq!(appended.nodes, 1900);
+    // Room for twice as many at most, and 16 bytes an agent for what calls need.
+    let many = few + 1900 * VISIT;
+    let found = adg.memory_bytes();
+    assert!(
+        (many..=few + 3900 * VISIT + 1600).contains(&found),
+        "{found} {many}"
+    );
+    let before = adg.memory_bytes();
+    adg.cut(0);
+    assert_eq!(adg.pending(), 0);
+    // What is dropped is kept for others: four bytes of each.
+    let kept = adg.memory_bytes() - before;
+    assert!((1900 * 4..=4000 * 4).contains(&kept), "{kept}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Starts and goals: who may be where, what comes after what, and what is refused.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use fleetyard_abi::Task;
+use fleetyard_abi::{GoalTasks, Task};
 use fleetyard_core::formats::{TaskList, read_lorr_tasks};
 use fleetyard_core::{Connectivity, Grid, OFF_MAP, Role};
 use fleetyard_fleet::Assign;
@@ -85,6 +85,21 @@ fn random_goals_are_uniform_and_never_the_cell_before() {
             before = goal;
         }
     }
+    // All are as likely after each other one, not on the whole alone: 250 of each of 72 pairs. Five
+    // standard deviations are 80.
+    let mut pairs = BTreeMap::new();
+    for (agent, start) in starts.iter().enumerate() {
+        let goals = (0..2000).map(|index| assigner.goal(agent, index));
+        let all: Vec<u32> = [*start].into_iter().chain(goals).collect();
+        for pair in all.windows(2).filter(|pair| pair[0] % 6 < 3) {
+            *pairs.entry((pair[0], pair[1])).or_insert(0) += 1;
+        }
+    }
+    assert_eq!(pairs.len(), 72);
+    assert!(
+        pairs.values().all(|count| (170..330).contains(count)),
+        "{pairs:?}"
+    );
     // Nine agents have nine cells, two have two. Five standard deviations are 210.
     for (cell, count) in counts.iter().enumerate() {
         let expected = if grid.is_passable(cell as u32) && cell != 16 {
@@ -356,4 +371,123 @@ fn the_shortest_task_is_given_to_who_has_none() {
     assert_eq!(assigner.give(0, 2), Ok(()));
     assert_eq!(assigner.busy(), [true, false]);
     assert_eq!(assigner.upcoming(&[0, 1], &[0, 0], 100)[0], [8]);
+}
+
+#[test]
+fn goals_that_are_sent_come_after_those_there_are() {
+    let grid = grid(ROOMS);
+    let new = |source| Assigner::with_starts(&grid, source, &[0, 4], 0).unwrap();
+    let mut assigner = new(Source::Random);
+    let refused = |assigner: &Assigner, agent, cell| assigner.can_send(agent, cell).unwrap_err();
+    for (agent, cell, reason) in [
+        (2, 0, "there is no robot 2 among 2"),
+        (0, 3, "3 is no free cell of the map"),
+        (0, 99, "99 is no free cell of the map"),
+        (0, 5, "robot 0 cannot reach cell 5"),
+        (1, 0, "robot 1 cannot reach cell 0"),
+        (0, 0, "robot 0 goes to cell 0 already"),
+    ] {
+        assert_eq!(refused(&assigner, agent, cell), reason);
+    }
+    let first = assigner.goal(0, 0);
+    let sent = (0..3).find(|cell| *cell != first).unwrap();
+    assert_eq!(assigner.can_send(0, sent), Ok(()));
+    assigner.send(0, sent);
+    assert_eq!((assigner.goal(0, 0), assigner.goal(0, 1)), (first, sent));
+    let drawn = assigner.goal(0, 2);
+    assert_ne!(drawn, sent);
+    assert_eq!(assigner.goal(1, 0), 5, "the other one goes its own way");
+    assert_eq!(
+        refused(&assigner, 0, drawn),
+        format!("robot 0 goes to cell {drawn} already")
+    );
+    // What was reached makes room.
+    let last = assigner.goal(0, 999);
+    let other = (0..3).find(|cell| *cell != last).unwrap();
+    assert_eq!(
+        refused(&assigner, 0, other),
+        "robot 0 has 1000 goals already"
+    );
+    assigner.reached(0, 0);
+    assert_eq!(assigner.can_send(0, other), Ok(()));
+    let source = tasks(&grid, "1\n0,1\n", 1.0);
+    let listed = Assigner::with_starts(&grid, source, &[0], 0).unwrap();
+    assert_eq!(
+        listed.can_send(0, 1).unwrap_err(),
+        "robots of this fleet get their goals from tasks"
+    );
+}
+
+#[test]
+fn tasks_of_goals_are_told_with_their_times() {
+    let grid = grid(&["..........", ".........."]);
+    let source = tasks(&grid, "4\n9,8\n2\n0\n19,11,12\n", 1.5);
+    let mut assigner = Assigner::with_starts(&grid, source, &[1, 5], 0).unwrap();
+    assigner.set_time(2.5);
+    let goals = assigner.upcoming(&[1, 5], &[0, 0], 0);
+    assert_eq!((&goals[0], &goals[1]), (&[2][..], &[9, 8][..]));
+    let errand = |assigner: &Assigner, agent, index| {
+        let found = assigner.errand(agent, index);
+        found.map(|errand| (errand.task, errand.at, errand.of))
+    };
+    assert_eq!(errand(&assigner, 0, 0), Some((1, 0, 1)));
+    assert_eq!(errand(&assigner, 0, 1), None);
+    assert_eq!(errand(&assigner, 1, 0), Some((0, 0, 2)));
+    assert_eq!(errand(&assigner, 1, 1), Some((0, 1, 2)));
+    assert_eq!(errand(&assigner, 1, 2), None);
+    // Task 3 is known when task 1 is done, and given with task 2 when the way is short.
+    assigner.set_time(4.0);
+    assigner.reached(0, 0);
+    assert_eq!(assigner.tasks_done(), Some(1));
+    assigner.reached(1, 0);
+    assert_eq!(assigner.tasks_done(), Some(1));
+    assigner.set_time(6.0);
+    let goals = assigner.upcoming(&[2, 9], &[1, 1], 5);
+    assert_eq!((&goals[0], &goals[1]), (&[0][..], &[8, 19, 11][..]));
+    assert_eq!(errand(&assigner, 1, 1), Some((0, 1, 2)));
+    assert_eq!(errand(&assigner, 1, 2), Some((3, 0, 3)));
+    assert_eq!(errand(&assigner, 1, 4), Some((3, 2, 3)));
+    assert_eq!(errand(&assigner, 1, 5), None);
+    assigner.set_time(7.0);
+    let wanted = GoalTasks {
+        time_s: 7.0,
+        tasks: [2, 0, 3, 3].map(Some).to_vec(),
+        errands: [0, 1, 0, 1].map(Some).to_vec(),
+        released_s: vec![0.0, 0.0, 4.0, 4.0],
+        given_s: vec![6.0, 2.5, 6.0, 6.0],
+    };
+    assert_eq!(assigner.goal_tasks(&goals, &[1, 1]), wanted);
+    // Who has none stays, from now on.
+    let stays = assigner.upcoming(&[0, 9], &[2, 5], 0);
+    assert_eq!(stays[0], [0]);
+    let told = assigner.goal_tasks(&stays, &[2, 5]);
+    assert_eq!(
+        (told.tasks[0], told.given_s[0].to_bits()),
+        (None, 7.0f64.to_bits())
+    );
+}
+
+#[test]
+fn goals_of_no_task_are_had_since_the_one_before_was_reached() {
+    let grid = grid(ROOMS);
+    let mut assigner = Assigner::with_starts(&grid, Source::Random, &[0, 4], 0).unwrap();
+    assigner.set_time(1.0);
+    let goals = assigner.upcoming(&[0, 4], &[0, 0], 0);
+    let told = assigner.goal_tasks(&goals, &[0, 0]);
+    assert_eq!(
+        (&told.tasks, &told.errands),
+        (&vec![None; 4], &vec![None; 4])
+    );
+    // The first ones since the start, the others are still to come.
+    assert_eq!(told.given_s, [0.0, 1.0, 0.0, 1.0]);
+    assert_eq!(told.released_s, told.given_s);
+    assigner.set_time(3.0);
+    assigner.reached(1, 0);
+    assigner.set_time(5.0);
+    let goals = assigner.upcoming(&[0, 5], &[1, 1], 0);
+    let told = assigner.goal_tasks(&goals, &[1, 1]);
+    // The first robot is told of its second goal on, and has not reached the first.
+    assert_eq!(told.given_s, [5.0, 5.0, 3.0, 5.0]);
+    assert_eq!((assigner.errand(0, 1), assigner.tasks_done()), (None, None));
+    assert!(assigner.busy().is_empty() && assigner.open_tasks().is_empty());
 }

@@ -1118,6 +1118,11 @@ fn plans_that_collide_are_refused() {
     assert!(asleep.contains("agents 0 and 1 collide at 0."), "{asleep}");
     let together = text(&[&[0, 1], &[0, 3]], 0.3);
     assert!(together.contains("collide at 0 s"), "{together}");
+    // A plan that goes well for a while collides when it does, not before and not after.
+    let late = text(&[&[0, 3, 3, 3, 4, 5], &[8, 8, 8, 5, 4]], 0.3);
+    assert!(late.contains("agents 0 and 1 collide at 3."), "{late}");
+    let last = text(&[&[0, 3, 6, 7, 8], &[2, 2, 2, 2, 5, 8]], 0.3);
+    assert!(last.contains("agents 0 and 1 collide at 4."), "{last}");
     // Discs of this size touch half-way round a corner.
     let ring: [&[u32]; 4] = [&[0, 1], &[1, 4], &[4, 3], &[3, 0]];
     let tight = text(&ring, 0.36);
@@ -1127,6 +1132,50 @@ fn plans_that_collide_are_refused() {
         barely.contains("agents 0, 1, 3, 4") || barely.contains("0, 1, 2, 3"),
         "{barely}"
     );
+}
+
+/// Wherever the small one is on the way of the large one, it was not seen where all of its own way is
+/// inside of what the large one sweeps.
+#[test]
+fn a_small_robot_inside_what_a_large_one_sweeps_goes_first() {
+    let knot = |time_s: f64, x_m: f64, y_m: f64| Knot {
+        time_s,
+        x_m,
+        y_m,
+        heading_rad: Some(0.0),
+    };
+    let mut plan = TrajectoryPlan::default();
+    // A beam of ten metres across its way; a small one leaves what it sweeps in time.
+    plan.push_path([
+        knot(0.0, 0.0, 0.0),
+        knot(20.0, 0.0, 0.0),
+        knot(30.0, 0.0, 20.0),
+    ])
+    .unwrap();
+    plan.push_path([
+        knot(0.0, 4.0, 10.0),
+        knot(1.0, 4.2, 10.0),
+        knot(9.0, 9.0, 10.0),
+    ])
+    .unwrap();
+    let beam = Footprint::Rectangle {
+        length_m: 10.0,
+        width_m: 1.0,
+    };
+    let footprints = [beam, disc(0.1)];
+    let world = World::new(&plan, &footprints);
+    let graph = world.build(&GateOptions::default()).expect("an order");
+    every_meeting_is_ordered(&world, &graph);
+    execute_all(&world, &GateOptions::default(), &mut rng(1));
+    // Who stays there is driven over.
+    let mut stays = TrajectoryPlan::default();
+    for agent in 0..2 {
+        let knots = plan.knots(agent).iter().take(3 - agent);
+        stays.push_path(knots).unwrap();
+    }
+    let refused = World::new(&stays, &footprints).build(&GateOptions::default());
+    let text = refused.expect_err("a collision").to_string();
+    assert!(text.contains("agents 0 and 1"), "{text}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::common;
 use std::collections::BTreeMap;
 
 use fleetyard_core::{Grid, GridPlan, Knot, TrajectoryPlan};
-use fleetyard_sim::{NoTrace, Other, SimConfig, Simulator};
+use fleetyard_sim::{Fleet, NoTrace, Other, Outcome, Profile, SimConfig, Simulator};
 use fleetyard_world::exact::{ContactSearch, Obstacles, Touched, contacts};
 use fleetyard_world::{Footprint, Pose, Shape};
 use rapier_observer::{CELLS, RapierObserver};
@@ -76,6 +76,25 @@ fn by_kinematic_tier(grid: &Grid, plan: &GridPlan, radius_m: f64) -> Contacts {
         .on_grid(grid)
         .run(plan, &mut NoTrace)
         .expect("the plan can be executed");
+    of_outcome(&outcome)
+}
+
+/// The same of robots of several shapes.
+fn by_kinematic_tier_of(grid: &Grid, plan: &TrajectoryPlan, fleet: &Fleet) -> Contacts {
+    let config = SimConfig {
+        max_contacts_kept: usize::MAX,
+        overlapping_starts: true,
+        ..SimConfig::default()
+    };
+    let outcome = Simulator::new(&config)
+        .on_grid(grid)
+        .with_fleet(fleet)
+        .run(plan, &mut NoTrace)
+        .expect("the plan can be executed");
+    of_outcome(&outcome)
+}
+
+fn of_outcome(outcome: &Outcome) -> Contacts {
     let mut found = Contacts::new();
     for contact in &outcome.contacts.first {
         let other = match contact.other {
@@ -151,7 +170,7 @@ fn three_ways_find_the_same_contacts_in_100_worlds() {
     assert!(compared > 5000, "{compared} contacts");
 }
 
-/// Rectangles and polygons that turn: the checker and rapier.
+/// Rectangles, polygons and discs that turn: the checker, rapier, and the kinematic tier.
 #[test]
 fn turning_footprints_touch_alike() {
     let mut compared = 0;
@@ -168,9 +187,14 @@ fn turning_footprints_touch_alike() {
                 vertices_m: vec![[0.5, 0.0], [-0.3, 0.35], [-0.3, -0.35]],
             },
         ];
+        let exact = |footprint: &Footprint| Profile {
+            footprint: footprint.clone(),
+            model: "pebble".parse().expect("a model"),
+        };
+        let profiles = shapes.iter().map(exact).collect();
         let shapes = shapes.map(|footprint| footprint.shape().expect("a valid footprint"));
         let mut plan = TrajectoryPlan::with_capacity(12, 12 * 8);
-        let mut of_agents = Vec::new();
+        let (mut of_agents, mut kinds) = (Vec::new(), Vec::new());
         for _ in 0..12 {
             let mut number = |below: usize| common::below(&mut rng, below) as f64;
             let mut knots = Vec::new();
@@ -183,8 +207,12 @@ fn turning_footprints_touch_alike() {
                 });
             }
             plan.push_path(knots).expect("a valid path");
-            of_agents.push(&shapes[number(3) as usize]);
+            let kind = number(3) as usize;
+            of_agents.push(&shapes[kind]);
+            kinds.push(kind as u32);
         }
+        let fleet = Fleet::new(profiles, kinds).expect("a fleet");
+        let tier = by_kinematic_tier_of(&grid, &plan, &fleet);
         let checker = by_checker(&plan, &of_agents, &grid);
         let rapier = by_rapier(&plan, &of_agents, &grid);
         let name = format!("seed {seed}");
@@ -200,6 +228,12 @@ fn turning_footprints_touch_alike() {
             &checker,
             GRAZE_S,
         );
+        for (what, those, these) in [
+            ("tier → checker", &tier, &checker),
+            ("checker → tier", &checker, &tier),
+        ] {
+            compared += assert_seen(&format!("{name}, {what}"), those, these, 2e-3);
+        }
     }
-    assert!(compared > 1000, "{compared} contacts");
+    assert!(compared > 2000, "{compared} contacts");
 }
