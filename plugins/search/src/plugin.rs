@@ -59,6 +59,7 @@ impl<V: Variety> Plugin for GridPlanner<V> {
             version: env!("CARGO_PKG_VERSION").into(),
             license: env!("CARGO_PKG_LICENSE").into(),
             capabilities: Capabilities::of(&all),
+            features: vec![Descriptor::ONE_AGENT.to_owned()],
             options_schema: options_schema::<V>(),
             ..Descriptor::new(Kind::Planner, V::ID, format!("{} One agent.", V::ABOUT))
         }
