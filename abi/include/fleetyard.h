@@ -1829,7 +1829,9 @@ typedef struct FleetyardDescriptor {
   uint64_t capabilities;
   /*
    `feature_count` names of what has no bit: `dynamics:NAME` for each model of robots that
-   it plans for, `part:ID` for each part that it reads. May be null when there are none.
+   it plans for, `part:ID` for each part that it reads; and two limits: `agents:N` if it plans
+   for no more than N agents, `for:measuring` if it is there to measure hosts. May be null when
+   there are none.
    */
   const struct FleetyardStr *features;
 } FleetyardDescriptor;

@@ -1550,7 +1550,7 @@ public:
   static constexpr std::string_view options_schema = "";
   static constexpr std::uint64_t capabilities = 0;
   /* Names of what has no bit: `dynamics:NAME` for each model of robots that it plans for,
-   * `part:ID` for each part that it reads. */
+   * `part:ID` for each part that it reads, `agents:1` if it plans for one agent alone. */
   static constexpr std::array<std::string_view, 0> features{};
 
   Plugin() = default;

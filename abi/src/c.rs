@@ -1105,7 +1105,9 @@ pub struct Descriptor {
     /// Or of `FLEETYARD_CAPABILITY_*`.
     pub capabilities: u64,
     /// `feature_count` names of what has no bit: `dynamics:NAME` for each model of robots that
-    /// it plans for, `part:ID` for each part that it reads. May be null when there are none.
+    /// it plans for, `part:ID` for each part that it reads; and two limits: `agents:N` if it plans
+    /// for no more than N agents, `for:measuring` if it is there to measure hosts. May be null when
+    /// there are none.
     pub features: *const Str,
 }
 

@@ -251,12 +251,33 @@ pub struct Descriptor {
     #[serde(default)]
     pub options_schema: serde_json::Value,
     /// Names of what has no capability: `dynamics:NAME` for each model of robots that it plans
-    /// for, `part:ID` for each part that it reads, `one-agent` where it plans for one agent alone.
+    /// for, `part:ID` for each part that it reads. Two are limits, which hosts heed that know them:
+    /// `agents:N` says that it plans for no more than N agents, `for:measuring` that it is there to
+    /// measure hosts, and plans nothing worth having.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<String>,
     /// Encoding of the paths that the host sends.
     #[serde(default)]
     pub path_encoding: PathEncoding,
+}
+
+impl Descriptor {
+    /// The feature of a planner that plans for one agent.
+    pub const ONE_AGENT: &'static str = "agents:1";
+    /// The feature of a planner that is there to measure hosts.
+    pub const FOR_MEASURING: &'static str = "for:measuring";
+
+    /// The most agents that it says it plans for; `None` without such a limit.
+    pub fn most_agents(&self) -> Option<usize> {
+        let mut features = self.features.iter();
+        features.find_map(|feature| feature.strip_prefix("agents:")?.parse().ok())
+    }
+
+    /// True if it is there to measure hosts.
+    pub fn is_for_measuring(&self) -> bool {
+        let mut features = self.features.iter();
+        features.any(|feature| feature == Self::FOR_MEASURING)
+    }
 }
 
 /// Encoding of a path in JSON.
@@ -428,10 +449,6 @@ macro_rules! code_enum {
     };
 }
 
-/// The feature of planners that plan for one agent at a time and no more: hosts need not offer them for
-/// teams.
-pub const ONE_AGENT: &str = "one-agent";
-
 code_enum! {
     /// The plugin's account of its call. A claim, never a verdict.
     Status {
@@ -439,10 +456,9 @@ code_enum! {
         Solved = STATUS_SOLVED, "solved";
         /// The instance has no solution, and the planner proved it.
         Infeasible = STATUS_INFEASIBLE, "infeasible";
-        /// The time of the budget ran out.
+        /// The budget ran out: the deadline or the node limit was reached.
         TimedOut = STATUS_TIMED_OUT, "timed-out";
-        /// The planner stopped trying without a proof: a limit of nodes or memory was reached, or
-        /// nothing was left to try.
+        /// The planner stopped trying without a proof.
         GaveUp = STATUS_GAVE_UP, "gave-up";
         /// The planner stopped before the deadline because it was asked to.
         Cancelled = STATUS_CANCELLED, "cancelled";

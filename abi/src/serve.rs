@@ -107,7 +107,7 @@ pub fn serve(
     let (sender, lines) = mpsc::channel::<String>();
     let cancelled = Arc::new(AtomicU64::new(0));
     let heard = Arc::clone(&cancelled);
-    std::thread::spawn(move || {
+    let reading = std::thread::Builder::new().spawn(move || {
         let mut line = String::new();
         while matches!(input.read_line(&mut line), Ok(read) if read > 0) {
             let line = std::mem::take(&mut line);
@@ -121,6 +121,10 @@ pub fn serve(
         drop(sender);
         gone();
     });
+    if let Err(error) = reading {
+        eprintln!("cannot read requests: no thread for it: {error}");
+        return;
+    }
     let output = Mutex::new(output);
     let channel = Channel {
         output: &output,

@@ -5,7 +5,7 @@ use fleetyard_testkit::{INPUT, USAGE};
 use crate::files::good_files;
 use crate::{Tests, says};
 
-const RUN: &str = "run --map good.map --scen good.scen --agents 2 --planner lacam";
+const RUN: &str = "run -m good.map -s good.scen -n 2 --planner lacam";
 
 /// A name, a line in which `RUN` stands for that one, and what is said of it.
 const WRONG: &[(&str, &str, &[&str])] = &[
@@ -62,6 +62,34 @@ const WRONG: &[(&str, &str, &[&str])] = &[
         &["plan.jpg", ".svg or .png"],
     ),
     (
+        "video of a trace",
+        "trace export run.trace --html run.mp4",
+        &["an HTML page", "no .mp4 file: name it run.html"],
+    ),
+    (
+        "plan of another kind",
+        "RUN --plan-out plan.yaml",
+        &["this writes JSON", "name it plan.json"],
+    ),
+    (
+        "option of a planner that stands alone",
+        "RUN --budget 5s anytime=true",
+        &[
+            "unexpected argument 'anytime=true'",
+            "right behind its name, as in '--planner PLUGIN anytime=true'",
+        ],
+    ),
+    (
+        "map that stands alone",
+        "RUN --budget 5s good.map",
+        &["unexpected argument 'good.map'", "'--map good.map'"],
+    ),
+    (
+        "scenario after the planner",
+        "RUN good.scen",
+        &["`good.scen` after the plugin", "'--scen good.scen'"],
+    ),
+    (
         "half a delay",
         "fleet --map good.map --agents 2 --planner pibt --delay bernoulli:0.1",
         &["bernoulli:0.1", "for example bernoulli:0.1,2s"],
@@ -106,6 +134,11 @@ const WRONG: &[(&str, &str, &[&str])] = &[
         "planner nearly of that name",
         "run --map good.map --scen good.scen --agents 2 --planner lacan",
         &["there is no planner `lacan`", "hint: did you mean `lacam`?"],
+    ),
+    (
+        "planner as its paper writes it",
+        "run --map good.map --scen good.scen --agents 2 --planner LaCAM",
+        &["there is no planner `LaCAM`", "hint: did you mean `lacam`?"],
     ),
     (
         "unknown planner",

@@ -15,7 +15,7 @@ use fleetyard_testkit::{
     Built, Ended, PLUGIN, SUCCESS, USAGE, Yard, build, c_library, faulty_library, faulty_program,
     have, root, standard_plugins, words,
 };
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::{Tests, says};
 
@@ -622,7 +622,6 @@ fn promises(tests: &mut Tests) {
     // Odd, but allowed.
     for (id, mistake, case, text) in [
         ("promising", "chatters", "output", "logged 2000 lines"),
-        ("promising", "none", "passing-bay", "no answer: `gave-up`"),
         (
             "promising-generator",
             "forgets-window",
@@ -646,6 +645,16 @@ fn promises(tests: &mut Tests) {
             },
         );
     }
+    // Allowed, and worth knowing.
+    tests.add("conformance::notes::promising::none", || {
+        let arguments = "--id promising --option mistake=none --only passing-bay";
+        let document = check(promising(), arguments, SUCCESS);
+        let case = &document["plugins"][0]["cases"][0];
+        let notes = case["notes"].to_string();
+        assert!(notes.contains("no answer: `gave-up`"), "{case}");
+        assert_eq!(case["warnings"], json!([]), "{case}");
+        assert_eq!(document["plugins"][0]["given_up"], 1, "{document}");
+    });
 }
 
 fn every_case_is_failed() {
@@ -897,7 +906,7 @@ fn results() {
     );
     assert_eq!(
         lines[6],
-        "2 passed, 0 failed, 0 crashed, 2 skipped, 0 warnings"
+        "2 passed, 0 failed, 0 crashed, 2 skipped, 0 warnings, 0 notes"
     );
 
     let document = check("bfs", arguments, SUCCESS);

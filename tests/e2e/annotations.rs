@@ -1,6 +1,8 @@
 //! `--annotations` of `run` and `trace export`: what planners want to show, and that their plans do
 //! not depend on it.
 
+use std::fs;
+
 use fleetyard_testkit::{Ended, INPUT, SUCCESS, Yard, have, root};
 use serde_json::Value;
 
@@ -141,7 +143,8 @@ fn annotations_of_another_plan_are_refused() {
     let broken = broken.expect(INPUT);
     assert!(broken.stderr.contains("missing field `agents`"), "{broken}");
     // It is read, and so is not written over.
-    let over = "trace export run.trace --annotations shown.json --svg shown.json";
+    fs::rename(yard.path("shown.json"), yard.path("shown")).unwrap();
+    let over = "trace export run.trace --annotations shown --svg shown";
     yard.line(over).expect(INPUT);
     assert_eq!(yard.files().len(), 2);
 }

@@ -133,6 +133,11 @@ fn a_suite_runs_goes_on_and_says_what_changed() {
         (&0.into(), &12.into())
     );
     assert_eq!(rows(&yard.path("small.sqlite")), first);
+    // What was made says how long more of it would take: of seconds, where budgets allow hours.
+    let more = yard.line("bench s.toml --dry-run --format json --set protocol.repeats=50");
+    let more = more.expect(SUCCESS).json();
+    let [least, most] = [0, 1].map(|end| more["about_s"][end].as_f64().unwrap());
+    assert!(least <= most && most < 0.1 * more["plans_s"].as_f64().unwrap());
     let other = yard.line("bench s.toml --resume --store small.sqlite --set name=big");
     let other = other.expect(INPUT);
     assert!(
@@ -163,8 +168,10 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
         .stdout;
     assert!(text.contains("trials     4 in shard 1/3"), "{text}");
     // It has tried nothing, and so it knows no better.
-    let budgets = "if every trial spends its whole budget";
+    let budgets = "if every plan takes its whole budget, most end before; at most ";
     assert!(text.contains(budgets), "{text}");
+    assert_eq!(plan["plans_s"], 18.0 * 60.0);
+    assert_eq!(plan["about_s"], Value::Null);
     assert!(text.contains("warm-up  pibt"), "{text}");
     assert_eq!(yard.files(), BTreeSet::from(["s.toml".into()]));
 }
@@ -1105,7 +1112,7 @@ fn views_that_nobody_plans_on_are_refused_and_those_that_are_none_fail() {
         empty
             .stderr
             .contains("s.toml:9:18: no planner plans on the view `continuous`")
-            && empty.stderr.contains("a planner that claims `continuous`"),
+            && empty.stderr.contains("planners that do: plane-pp, "),
         "{empty}"
     );
     // Two starts in one cell.

@@ -81,6 +81,8 @@ fn a_record_has_every_key() {
         "metrics.lower_bound_steps",
         "metrics.suboptimality",
         "metrics.length_m",
+        "metrics.agents_at_goal",
+        "metrics.individual_success",
         "metrics.planning_time_ms",
         "metrics.prepare_time_ms",
         "metrics.first_solution_ms",
@@ -949,4 +951,101 @@ fn no_plan_within_the_budget_is_not_the_plugins_fault() {
     assert!(ended.stdout.contains("timed-out"), "{ended}");
     let told = "another run may end with another plan";
     assert!(ended.stdout.contains(told), "{ended}");
+}
+
+#[test]
+fn who_refuses_a_planner_names_those_that_can() {
+    let line = with(
+        words("run --planner astar"),
+        &instance("empty-8-8", 3).join(" "),
+    );
+    let refused = Yard::new().run(&line).expect(NO_PLAN).stderr;
+    for words in [
+        "planner `astar` plans for one agent, not for 3",
+        "hint: planners that do: lacam, pibt, ",
+    ] {
+        assert!(refused.contains(words), "{refused}");
+    }
+    let hint = refused.lines().find(|line| line.starts_with("hint: "));
+    for other in ["empty", "dijkstra", "roadmap-pp"] {
+        assert!(hint.is_some_and(|hint| !hint.contains(other)), "{refused}");
+    }
+}
+
+#[test]
+fn a_scenario_finds_its_map_in_every_command() {
+    let yard = Yard::new();
+    for name in ["empty-8-8.map", "empty-8-8-random-1.scen"] {
+        fs::copy(map(name), yard.path(name)).unwrap();
+    }
+    let short = "-s empty-8-8-random-1.scen -n 3";
+    yard.line(&format!(
+        "run {short} -p lacam anytime=false --plan-out p.json"
+    ))
+    .expect(SUCCESS);
+    yard.line(&format!("validate {short} p.json"))
+        .expect(SUCCESS);
+    yard.line(&format!("validate -m . {short} p.json"))
+        .expect(SUCCESS);
+    yard.line("simulate -m empty-8-8.map p.json")
+        .expect(SUCCESS);
+    fs::remove_file(yard.path("empty-8-8.map")).unwrap();
+    let lost = yard.line(&format!("run {short} -p lacam")).expect(INPUT);
+    assert!(
+        lost.stderr
+            .contains("there is no empty-8-8.map; --map says where it is"),
+        "{lost}"
+    );
+}
+
+#[test]
+fn a_policy_that_fails_leaves_its_rollout() {
+    if !have("python3") {
+        return;
+    }
+    let yard = Yard::new();
+    // The host has the SDK, and no other is beside the policy.
+    fs::create_dir(yard.path("policy")).unwrap();
+    yard.line("plugins sdk policy").expect(SUCCESS);
+    yard.write(
+        "policy/first.py",
+        "import fleetyard\n\n\nclass First(fleetyard.StepPolicy):\n    \"\"\"Moves the first agent alone.\"\"\"\n\n    \
+         capabilities = (\"grid\", \"pebble\", \"deterministic\")\n    most_steps = 30\n\n    \
+         def act(self, observations):\n        first = observations[0]\n        \
+         far = self.grid.distances(first.goal)\n        \
+         near = min(first.cell, *self.grid.neighbors(first.cell), key=far.__getitem__)\n        \
+         return [self.grid.move(first.cell, near)] + [\".\"] * (len(observations) - 1)\n\n\n\
+         if __name__ == \"__main__\":\n    fleetyard.run(First)\n",
+    );
+    let line = with(
+        instance("empty-8-8", 4),
+        "--planner policy/first.py --execute --plan-out left.json --picture left.svg --trace-out left.trace",
+    );
+    let run: Vec<String> = words("run").into_iter().chain(line.clone()).collect();
+    let failed = yard.run(&run).expect(NO_PLAN);
+    for (words, said) in [
+        ("at goals          1 of 4 agents (25.0 %)", &failed.stdout),
+        (
+            "no plan; what the planner left has 3 violations",
+            &failed.stdout,
+        ),
+        (
+            "the plan in left.json is not a solution: no plan: gave-up, 1 of 4 agents at their goals",
+            &failed.stderr,
+        ),
+    ] {
+        assert!(said.contains(words), "no `{words}`: {failed}");
+    }
+    let left: Value = serde_json::from_slice(&yard.read("left.json")).unwrap();
+    let author = left["planner"].as_str().unwrap();
+    assert!(author.contains("not a solution"), "{author}");
+    assert_eq!(left["paths"].as_array().unwrap().len(), 4);
+    assert!(text_of(&yard.read("left.svg")).contains("<path"));
+    yard.line("trace export left.trace --html left.html")
+        .expect(SUCCESS);
+    let run = words("run --format json").into_iter().chain(line);
+    let record = yard.run(&run.collect::<Vec<_>>()).expect(NO_PLAN).json();
+    assert_eq!(at(&record, "metrics.agents_at_goal"), 1);
+    assert_eq!(at(&record, "metrics.individual_success"), 0.25);
+    assert_eq!(at(&record, "claim"), "gave-up");
 }

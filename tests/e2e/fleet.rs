@@ -847,7 +847,7 @@ fn who_plans_on_the_other_kind_of_map_is_refused_with_a_hint() {
         "{on_grid}"
     );
     assert!(
-        on_grid.contains("hint: choose a planner of roadmaps"),
+        on_grid.contains("`pebble`; planners that do: roadmap-pp"),
         "{on_grid}"
     );
     let on_roadmap = refused("--motion pebble --planner roadmap-pp");
@@ -1166,6 +1166,17 @@ print(sum(confirmed() for _ in range(400)) / 400)
     let share: f64 = python(&["-c", simulation]).trim().parse().unwrap();
     // By the best of all seeds it was one in eight.
     assert!(share < 0.05, "{share}");
+}
+
+/// Without the figures of others the page would be written without their table.
+#[test]
+fn the_page_about_lsmart_is_not_written_without_the_figures_of_others() {
+    let mut command = Command::new("bash");
+    command.arg(root().join("scripts/lsmart")).arg("page");
+    let output = command.env_remove("FLEETYARD_DATA").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("hint: set FLEETYARD_DATA"), "{said}");
 }
 
 /// Figures on the page are those of the rows beside it.

@@ -559,7 +559,7 @@ fn planners_of_every_representation_plan_for_a_task() {
         // The view is the one that the planner claims.
         let command = format!(
             "run --task hall.task.json -p {planner} --budget 60s --format json \
-             --plan-out {planner}.json --trace-out {planner}.jsonl --picture {planner}.svg"
+             --plan-out {planner}.json --trace-out {planner}.trace --picture {planner}.svg"
         );
         let record = yard.line(&command).expect(SUCCESS).json();
         assert_eq!(record["instance"]["representation"], representation);
@@ -589,8 +589,11 @@ fn planners_of_every_representation_plan_for_a_task() {
     let refused = yard.line("run --task hall.task.json -p lacam --representation roadmap");
     let refused = refused.expect(NO_PLAN).stderr;
     assert!(
-        refused.contains("planner `lacam` does not support `roadmap`")
-            && refused.contains("the standard planners `roadmap-pp`"),
+        refused.contains("planner `lacam` does not support `roadmap`"),
+        "{refused}"
+    );
+    assert!(
+        refused.contains("hint: planners that do: roadmap-pp, "),
         "{refused}"
     );
 }

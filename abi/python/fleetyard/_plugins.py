@@ -135,7 +135,8 @@ class Plugin(ABC):
     capabilities: ClassVar[Sequence[str]] = ()
     features: ClassVar[Sequence[str]] = ()
     """Names of what has no capability: ``dynamics:NAME`` for each model of robots that it plans
-    for, ``part:IDENTIFIER`` for each part that it reads."""
+    for, ``part:IDENTIFIER`` for each part that it reads, ``agents:1`` if it plans for one agent
+    alone."""
     options_schema: ClassVar[Optional[Mapping[str, Any]]] = None
     """JSON Schema of the options; ``None`` when there are none."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, Dict, List, NamedTuple, Optional, Sequence
+from typing import Any, ClassVar, Dict, List, NamedTuple, Optional, Sequence
 
 from ._failures import GaveUp
 from ._maps import MOVES, Grid
@@ -29,8 +29,10 @@ class StepPolicy(Planner):
     """A planner for grids that decides step by step, as learned policies do.
 
     The SDK asks for the moves of all agents until everybody is at the last goal, turns moves
-    that are illegal or would collide into waits, and hands over the plan. In ``begin`` and
-    ``act``, ``self.budget`` and ``self.context`` are those of the call.
+    that are illegal or would collide into waits, and hands over the plan. Where the policy
+    fails, it hands over how far they came, which the host shows and counts, and does not take
+    for a solution: so a policy claims ``colliding-plans``. In ``begin`` and ``act``,
+    ``self.budget`` and ``self.context`` are those of the call.
     """
 
     most_steps: ClassVar[int] = 0
@@ -38,6 +40,14 @@ class StepPolicy(Planner):
 
     budget: Budget
     context: Context
+
+    @classmethod
+    def descriptor(cls) -> Dict[str, Any]:
+        described = super().descriptor()
+        claims = described["capabilities"]
+        if "colliding-plans" not in claims:
+            described["capabilities"] = [*claims, "colliding-plans"]
+        return described
 
     def begin(self, instance: Instance) -> None:
         """Called once before the steps of an instance. Random choices come from
@@ -53,16 +63,31 @@ class StepPolicy(Planner):
         paths = [[start] for start in instance.starts]
         # The goals that are left, the next one last.
         left = [goals[::-1] for goals in instance.goals]
+        try:
+            self._roll_out(instance, paths, left)
+        except Exception:
+            # How far everybody came, for those who look for the reason.
+            context.incumbent(paths)
+            raise
+        return paths
+
+    def _roll_out(
+        self, instance: Instance, paths: List[List[int]], left: Sequence[List[int]]
+    ) -> None:
+        """Makes the paths longer until everybody has arrived, or the policy fails."""
         self.begin(instance)
         time = 0
         while not _arrived(paths, left):
             if instance.window_steps:
-                if time == instance.window_steps or context.cancelled():
-                    break  # what there is then is a plan for the window as well
+                if time == instance.window_steps or self.context.cancelled():
+                    return  # what there is then is a plan for the window as well
             elif time == self.most_steps > 0:
-                raise GaveUp(f"not everybody is at the last goal after {time} steps")
+                there = sum(not goals or path[-1] == goals[0] for path, goals in zip(paths, left))
+                raise GaveUp(
+                    f"{there} of {len(paths)} agents are at their last goals after {time} steps"
+                )
             else:
-                context.check()
+                self.context.check()
             at = [path[-1] for path in paths]
             observations = [
                 Observation(agent, time, cell, goals[-1] if goals else None)
@@ -73,7 +98,6 @@ class StepPolicy(Planner):
             for path, cell in zip(paths, steps):
                 path.append(cell)
             time += 1
-        return paths
 
     def _wishes(self, at: Sequence[int], moves: Sequence[str]) -> List[int]:
         moves = list(moves)

@@ -987,9 +987,13 @@ class Policies(unittest.TestCase):
 
         Test.act = act
         Test.__abstractmethods__ = frozenset()
+        self.policy = Test
         call = request(3, "plan", instance=dict(INSTANCE, **more), budget=BUDGET)
         answers, _ = converse([Test], create(), PREPARE, call)
-        return answers[2]["result"]
+        self.handed_in = [
+            answer["params"]["paths"] for answer in answers if answer.get("method") == "incumbent"
+        ]
+        return next(answer["result"] for answer in answers if answer.get("id") == 3)
 
     def test_moves_become_a_plan(self):
         seen = []
@@ -1024,11 +1028,26 @@ class Policies(unittest.TestCase):
         for moves, message in [
             (".", "`act` returned 1 moves, but there are 2 agents"),
             (".x", "`act` returned 'x' for agent 1, which is no move"),
-            (["."] * 2, "not everybody is at the last goal after 9 steps"),
+            (["."] * 2, "0 of 2 agents are at their last goals after 9 steps"),
         ]:
             result = self.plan(lambda self, observations: moves)
             self.assertIn(message, result["message"])
         self.assertEqual(result["status"], "gave-up")
+
+    def test_a_policy_that_fails_leaves_its_rollout(self):
+        moves = iter(["E.", "..", ".."])
+
+        def stops(self, observations):
+            return next(moves)
+
+        result = self.plan(stops)
+        self.assertEqual(result["status"], "internal-error")  # no more moves: a mistake of its own
+        self.assertEqual(self.handed_in, [["E..", "..."]])
+        result = self.plan(lambda self, observations: ["E." if not observations[0].time else ".."][0])
+        self.assertEqual(result["message"], "1 of 2 agents are at their last goals after 9 steps")
+        self.assertEqual(self.handed_in, [["E........", "........."]])
+        self.assertEqual(result["status"], "gave-up")
+        self.assertIn("colliding-plans", self.policy.descriptor()["capabilities"])
 
     def test_a_window_ends_a_plan(self):
         result = self.plan(lambda self, observations: "..", window_steps=2)

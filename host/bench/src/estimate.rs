@@ -64,12 +64,17 @@ impl Estimate {
         self.of(planner).left += 1;
     }
 
+    /// One of a planner was made before, and is none of those that are to be made.
+    pub fn known(&mut self, planner: usize, took: Duration) {
+        self.of(planner).own.add(took.as_secs_f64());
+        self.all.add(took.as_secs_f64());
+    }
+
     /// One was made.
     pub fn ended(&mut self, planner: usize, took: Duration) {
         let rest = self.of(planner);
         rest.left = rest.left.saturating_sub(1);
-        rest.own.add(took.as_secs_f64());
-        self.all.add(took.as_secs_f64());
+        self.known(planner, took);
     }
 
     /// The time that the rest takes; absent before any trial has ended.
@@ -123,15 +128,22 @@ impl Pace {
 impl fmt::Display for Left {
     /// Such as `about 3m to 5m left`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} left", self.range())
+    }
+}
+
+impl Left {
+    /// Such as `about 3m to 5m`.
+    pub fn range(&self) -> String {
         let (low, high) = (rough(self.low), rough(self.high));
         if high == "0s" {
-            write!(f, "less than 1s left")
+            "less than 1s".to_owned()
         } else if low == "0s" {
-            write!(f, "less than {high} left")
+            format!("less than {high}")
         } else if low == high {
-            write!(f, "about {high} left")
+            format!("about {high}")
         } else {
-            write!(f, "about {low} to {high} left")
+            format!("about {low} to {high}")
         }
     }
 }
@@ -196,6 +208,16 @@ mod tests {
         assert_eq!(said(&estimate), "less than 14s left");
         estimate.ended(1, Duration::from_secs(10));
         assert_eq!(said(&estimate), "less than 1s left");
+    }
+
+    #[test]
+    fn trials_that_were_made_before_say_how_long_others_take() {
+        let mut estimate = estimate([0, 0, 1]);
+        for _ in 0..3 {
+            estimate.known(0, Duration::from_secs(2));
+            estimate.known(1, Duration::from_secs(30));
+        }
+        assert_eq!(estimate.left().unwrap().range(), "about 34s");
     }
 
     #[test]

@@ -162,7 +162,7 @@ impl<'s> Experiment<'s> {
             &planners.iter().map(Planner::bits).collect::<Vec<u8>>(),
             instances.iter().map(bit_of).collect(),
         );
-        check_views(suite, &planners, &instances, &schedule)?;
+        check_views(&host, suite, &planners, &instances, &schedule)?;
         Ok(Self {
             suite,
             host,
@@ -201,13 +201,27 @@ impl<'s> Experiment<'s> {
         self.longest_attempt().saturating_mul(attempts)
     }
 
-    fn longest_attempt(&self) -> Duration {
-        let budget = self.host.budget();
+    /// The time that a trial takes whose planner uses its whole budget, and no more.
+    pub fn budgeted(&self) -> Duration {
+        let drive = self.longest_drive_s();
+        if drive > 0.0 {
+            return Duration::try_from_secs_f64(drive).unwrap_or(Duration::MAX);
+        }
+        self.host.budget().wall
+    }
+
+    /// The longest time that a fleet of the suite drives.
+    fn longest_drive_s(&self) -> f64 {
         let fleets = self
             .planners
             .iter()
             .filter_map(|planner| planner.fleet.as_ref());
-        let drive = fleets.map(FleetModules::duration_s).fold(0.0, f64::max);
+        fleets.map(FleetModules::duration_s).fold(0.0, f64::max)
+    }
+
+    fn longest_attempt(&self) -> Duration {
+        let budget = self.host.budget();
+        let drive = self.longest_drive_s();
         if drive > 0.0 {
             // A planner is asked again when its limit is over, so that it takes no longer than
             // the fleet drives, and the rest seldom does.
@@ -287,17 +301,17 @@ impl<'s> Experiment<'s> {
         Ok((row, record))
     }
 
-    /// Refuses planners that do not claim what an instance on a grid needs.
+    /// Refuses planners that do not do what an instance on a grid needs.
     pub fn check_capabilities(&self, instance: &SuiteInstance) -> Result<(), TrialError> {
-        let rule = self.suite.protocol.path_rule;
-        let Some(connectivity) = instance.connectivity() else {
+        if instance.view().is_some() {
             return Ok(());
-        };
+        }
+        let question = instance.question()?;
+        let asked = question.trial(self.suite.protocol.path_rule);
+        let config = &self.suite.config;
+        let map = asked.environment(config);
         self.planners.iter().try_for_each(|planner| {
-            let Planner {
-                plugin, descriptor, ..
-            } = planner;
-            plugin.check_capabilities(descriptor, connectivity, false, rule)
+            asked.check_planner(&self.host, &planner.descriptor, &map, config)
         })
     }
 
@@ -440,8 +454,7 @@ impl Planner {
 
     /// The kinds of instances that it is asked, as a [`Schedule`] has them.
     fn bits(&self) -> u8 {
-        let views = Representation::claimed_in(self.descriptor.capabilities).map(bit);
-        views.fold(ON_A_MAP, |bits, view| bits | view)
+        ON_A_MAP | bits(&self.descriptor)
     }
 
     /// Stands for the planner as it is asked in this suite.
@@ -472,6 +485,12 @@ fn bit(representation: Representation) -> u8 {
     }
 }
 
+/// The bits of the views that a planner of this description claims.
+fn bits(descriptor: &Descriptor) -> u8 {
+    let views = Representation::claimed_in(descriptor.capabilities).map(bit);
+    views.fold(0, |bits, view| bits | view)
+}
+
 /// The bit of an instance.
 fn bit_of(instance: &SuiteInstance) -> u8 {
     let view = instance.view();
@@ -480,6 +499,7 @@ fn bit_of(instance: &SuiteInstance) -> u8 {
 
 /// Refuses a planner that plans on none of the views, and a view on which no planner plans.
 fn check_views(
+    host: &Host,
     suite: &Suite,
     planners: &[Planner],
     instances: &[SuiteInstance],
@@ -492,7 +512,9 @@ fn check_views(
         if planner.bits() & all == 0 {
             let error = TrialError::NoneOfViews {
                 planner: setup.label.clone(),
-                name: planner.plugin.name.clone(),
+                able: host
+                    .runtime
+                    .able(Kind::Planner, |other| bits(other) & all != 0),
             };
             return Err(setup.blamed(error));
         }
@@ -500,10 +522,11 @@ fn check_views(
     for (index, instance) in instances.iter().enumerate() {
         if let Some(view) = instance.view().filter(|_| schedule.asked(index).is_empty()) {
             let reason = format!("no planner plans on the view `{}`", view.label);
-            let hint = format!(
-                "leave it out, or add a planner that claims `{}`; `fleetyard plugins list` names planners",
-                view.spec.representation()
-            );
+            let asked = bit_of(instance);
+            let able = host
+                .runtime
+                .able(Kind::Planner, |other| bits(other) & asked != 0);
+            let hint = format!("leave it out, or add a planner; {able}");
             return Err(view.place.error(reason).hint(hint).into());
         }
     }
@@ -638,6 +661,8 @@ impl Row {
         self.first_violation = record.sentences().into_iter().next();
         self.valid_in_view = record.valid_in_view();
         self.valid_in_world = record.valid_in_world();
+        self.agents_at_goal = record.metrics.agents_at_goal;
+        self.individual_success = record.metrics.individual_success;
         self.success = record.ending() == Ending::Success;
         self.planning_time_ms = metrics.planning_time_ms;
         self.call_time_ms = metrics.call_time_ms;

@@ -2,11 +2,9 @@
 
 use std::path::PathBuf;
 
-use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, Kind, Motion, SharedEnvironment,
-};
+use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
 use fleetyard_check::PathRule;
-use fleetyard_core::{Connectivity, Digest};
+use fleetyard_core::Digest;
 use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
     Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
@@ -186,8 +184,8 @@ impl Plugin {
             options: options.clone(),
             memory: fleetyard_fleet::memory_of(&descriptor.features),
         };
-        let (runtime, file) = (runtime.clone(), self.file.clone());
-        let start = move || {
+        let file = self.file.clone();
+        let start = move |runtime: &Runtime| {
             let mut session = runtime.open(&file, attach)?;
             session.create(kind, &id, Value::Object(options.clone()))?;
             Ok(session)
@@ -196,74 +194,9 @@ impl Plugin {
             info,
             descriptor.capabilities,
             session,
+            runtime.clone(),
             Box::new(start),
         ))
-    }
-
-    /// Refuses a planner of this description that does not claim what an instance needs, before it
-    /// is asked.
-    pub(crate) fn check_capabilities(
-        &self,
-        descriptor: &Descriptor,
-        connectivity: Connectivity,
-        one_way: bool,
-        rule: PathRule,
-    ) -> Result<(), TrialError> {
-        let mut needed = vec![Capability::Grid];
-        if motion(descriptor, rule) == Motion::Pebble {
-            needed.push(Capability::Pebble);
-        }
-        if connectivity == Connectivity::Eight {
-            needed.push(Capability::EightConnected);
-        }
-        if one_way {
-            needed.push(Capability::MoveMask);
-        }
-        let capabilities = descriptor.capabilities;
-        match needed.iter().find(|needed| !capabilities.has(**needed)) {
-            Some(missing) => Err(TrialError::Incapable {
-                planner: descriptor.id.clone(),
-                name: self.name.clone(),
-                missing: *missing,
-                needed: Capabilities::of(&needed),
-                able: None,
-                lines: capabilities.has(Capability::AnyAngle),
-            }),
-            None => Ok(()),
-        }
-    }
-
-    /// Refuses a planner of this description that does not claim what a view of a task needs,
-    /// before it is asked.
-    pub(crate) fn check_claims(
-        &self,
-        descriptor: &Descriptor,
-        needed: Capabilities,
-        features: &[String],
-    ) -> Result<(), TrialError> {
-        let claims = descriptor.capabilities;
-        if let Some(missing) = needed.iter().find(|needed| !claims.has(*needed)) {
-            return Err(TrialError::Incapable {
-                planner: descriptor.id.clone(),
-                name: self.name.clone(),
-                missing,
-                needed,
-                able: None,
-                lines: false,
-            });
-        }
-        let missing = features.iter();
-        match missing
-            .into_iter()
-            .find(|feature| !descriptor.features.contains(feature))
-        {
-            Some(feature) => Err(TrialError::Lacks {
-                planner: descriptor.id.clone(),
-                name: self.name.clone(),
-                feature: feature.clone(),
-            }),
-            None => Ok(()),
-        }
     }
 
     fn choose(&self, descriptors: &[Descriptor]) -> Result<Descriptor, TrialError> {

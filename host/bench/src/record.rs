@@ -285,6 +285,11 @@ pub struct Metrics {
     pub lower_bound_m: f64,
     /// Steps in which an agent waits before it has arrived.
     pub waits: Option<u64>,
+    /// Agents whose paths end at their goals, in the plan or in what the planner left; absent in the
+    /// plane.
+    pub agents_at_goal: Option<u64>,
+    /// The share of these in all agents.
+    pub individual_success: Option<f64>,
     /// By the host's clock, transport included.
     pub planning_time_ms: f64,
     /// As the plugin's process claims it, without transport.
@@ -529,6 +534,15 @@ impl Record {
             line("broken promise", promise.to_string());
         }
         let metrics = &self.metrics;
+        if let (Some(there), Some(share)) = (metrics.agents_at_goal, metrics.individual_success)
+            && share < 1.0
+        {
+            let agents = self.instance.agents;
+            line(
+                "at goals",
+                format!("{there} of {agents} agents ({:.1} %)", 100.0 * share),
+            );
+        }
         let bound = metrics.lower_bound_steps;
         if let (Some(soc), Some(makespan)) = (metrics.soc_steps, metrics.makespan_steps) {
             let ratio = metrics
@@ -587,7 +601,7 @@ impl Record {
             line("unranked", reason.clone());
         }
         for reason in &self.measurement.contended {
-            line("contended", reason.to_string());
+            line("contended", format!("{reason}: {}", reason.cause.remedy()));
         }
         if let Some(execution) = &self.execution {
             let figures = &execution.figures;

@@ -6,6 +6,7 @@
 //! only ever added; a change of meaning is a new name.
 
 use std::borrow::Cow;
+use std::time::Duration;
 
 /// Type of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -238,6 +239,10 @@ columns! {
     valid_in_view: Option<bool>,
     /// True if the last plan is valid by footprints in the task's world; absent if it has no place there.
     valid_in_world: Option<bool>,
+    /// Agents whose paths end at their goals, in the plan or in what the planner left; absent in the plane.
+    agents_at_goal: Option<u64>,
+    /// The share of these in all agents.
+    individual_success: Option<f64>,
     /// True if the planner ended as it should and its plan is valid, of a view in the world too.
     success: bool,
     /// The time that is compared, as `clock` says; of a fleet, the mean over its planner's calls.
@@ -361,6 +366,23 @@ impl Row {
             Some(view) => format!("{} on {view}", self.planner).into(),
             None => self.planner.as_str().into(),
         }
+    }
+
+    /// Wall time of the trial, as far as it was measured: its start, learning the map, the call and the
+    /// execution; of a fleet, whose planner is called while it drives, the longer of both.
+    pub fn took(&self) -> Duration {
+        let planned_s = self.total_time_ms.unwrap_or(self.planning_time_ms) / 1e3;
+        let driven_s = match (self.simulated_s, self.rtf) {
+            (Some(simulated_s), Some(rtf)) if rtf > 0.0 => simulated_s / rtf,
+            _ => 0.0,
+        };
+        let is_fleet = self.generator.is_some();
+        let seconds = if is_fleet {
+            planned_s.max(driven_s)
+        } else {
+            planned_s + driven_s
+        };
+        Duration::try_from_secs_f64(seconds).unwrap_or_default()
     }
 
     /// The digest of what is asked: of the task, on whichever view, or of the instance.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fleetyard_abi::c::PluginEntry;
-use fleetyard_abi::{Budget, Capabilities, Descriptor, Kind, ONE_AGENT, Plan, SharedEnvironment};
+use fleetyard_abi::{Budget, Kind, Plan, SharedEnvironment};
 use fleetyard_check::PathRule;
 use fleetyard_core::{AnnotationFile, GridPlan};
 use fleetyard_runtime::measure::{
@@ -12,8 +12,8 @@ use fleetyard_runtime::measure::{
     pin_this_process,
 };
 use fleetyard_runtime::{
-    Attach, CallReport, CallUsage, Fault, Follow, Limit, Limits, LogLine, PlanRun, PluginFile,
-    Runtime, Source, Termination,
+    Able, Attach, CallReport, CallUsage, Fault, Follow, Limit, Limits, LogLine, PlanRun, Runtime,
+    Source, Termination,
 };
 use fleetyard_sim::{SimConfig, SimError, TraceSink};
 use serde_json::Value;
@@ -100,22 +100,6 @@ impl Host {
         .fold(Duration::ZERO, Duration::saturating_add)
     }
 
-    /// Identifiers of the standard planners that claim so much, for so many agents.
-    fn able(&self, needed: Capabilities, agents: usize) -> Vec<String> {
-        let standard = self.runtime.describe(&PluginFile::BuiltIn);
-        let descriptors = standard.map(|introduction| introduction.descriptors);
-        let can = |descriptor: &Descriptor| {
-            let single = descriptor.features.iter().any(|name| name == ONE_AGENT);
-            descriptor.kind == Kind::Planner
-                && needed
-                    .iter()
-                    .all(|needed| descriptor.capabilities.has(needed))
-                && (agents <= 1 || !single)
-        };
-        let able = descriptors.unwrap_or_default().into_iter().filter(can);
-        able.map(|descriptor| descriptor.id).collect()
-    }
-
     fn reserved(&self) -> Option<&Reservation> {
         self.cores.as_ref()?.as_ref().ok()
     }
@@ -162,16 +146,20 @@ pub struct Outcome {
 }
 
 impl Trial<'_> {
-    fn check(&self, running: &Running) -> Result<(), TrialError> {
+    fn check(&self, running: &Running, map: &SharedEnvironment) -> Result<(), TrialError> {
         self.instance.check(self.scenario)?;
         self.instance
-            .check_planner(self.planner, &running.descriptor, self.config)
-            .map_err(|mut error| {
-                if let TrialError::Incapable { needed, able, .. } = &mut error {
-                    *able = Some(self.host.able(*needed, self.instance.agents()));
-                }
-                error
-            })
+            .check_planner(self.host, &running.descriptor, map, self.config)
+    }
+
+    /// The planners beside this one that claim what the instance needs: hints name them where it says
+    /// itself that the instance is not for it.
+    pub fn others(&self, id: &str) -> Able {
+        let (map, config) = (self.instance.environment(self.config), self.config);
+        let runtime = &self.host.runtime;
+        runtime.able(Kind::Planner, |other| {
+            other.id != id && self.instance.missing(other, &map, config).is_none()
+        })
     }
 
     /// Asks a process of its own.
@@ -204,8 +192,8 @@ impl Trial<'_> {
             Some(running) => running,
             None => self.planner.start(&self.host.runtime)?,
         };
-        self.check(&running)?;
         let environment = self.instance.environment(self.config);
+        self.check(&running, &environment)?;
         let watched = self.host.reserved().map(Reservation::watched);
         let before = Snapshot::take(watched.as_ref());
         let startup = (running.trials == 0).then(|| running.session.startup());

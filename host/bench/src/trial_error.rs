@@ -1,9 +1,11 @@
 //! Reasons why a trial could not be made, as opposed to how it went.
 
-use fleetyard_abi::{Capabilities, Capability, Kind};
+use std::fmt;
+
+use fleetyard_abi::{Capability, Kind};
 use fleetyard_core::InputError;
 use fleetyard_fleet::FleetError;
-use fleetyard_runtime::{Fault, OptionError, Termination};
+use fleetyard_runtime::{Able, Fault, OptionError, Termination, plural};
 use fleetyard_sim::SimError;
 
 use crate::options::RobotsError;
@@ -62,51 +64,65 @@ pub enum TrialError {
         /// The plugin's name.
         name: String,
     },
-    /// A planner does not claim what the instance needs.
-    #[error("planner `{planner}` does not support `{}`", missing.as_str())]
+    /// A planner does not do what the instance needs.
+    #[error("planner `{planner}` {missing}")]
     Incapable {
         /// Identifier of the planner.
         planner: String,
-        /// Its name as the user gave it.
-        name: String,
-        /// The capability that is needed.
-        missing: Capability,
-        /// All that are needed.
-        needed: Capabilities,
-        /// Identifiers of the standard planners that have them, if somebody has looked.
-        able: Option<Vec<String>>,
-        /// True if it claims to plan in straight lines between any cells.
-        lines: bool,
+        /// What it does not do.
+        missing: Missing,
+        /// Planners that do.
+        able: Able,
     },
     /// A planner plans on none of the views that are asked for.
     #[error("planner `{planner}` plans on none of the views that are asked for")]
     NoneOfViews {
         /// The planner's label.
         planner: String,
-        /// Its name as the user gave it.
-        name: String,
+        /// Planners that plan on one of them.
+        able: Able,
     },
     /// A view cannot be derived from its task.
     #[error("{}", .0.reason)]
     NoView(InputError),
-    /// A planner does not list a feature that the instance needs.
-    #[error("planner `{planner}` does not list the feature `{feature}`, which the task needs")]
-    Lacks {
-        /// Identifier of the planner.
-        planner: String,
-        /// Its name as the user gave it.
-        name: String,
-        /// The feature.
-        feature: String,
+}
+
+/// Something that an instance needs and a planner does not do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Missing {
+    /// It does not claim a capability.
+    Capability {
+        /// The capability.
+        needed: Capability,
+        /// True if it claims to plan in straight lines between any cells.
+        lines: bool,
+    },
+    /// It does not list a feature.
+    Feature(String),
+    /// It plans for fewer agents.
+    Agents {
+        /// The most that it plans for.
+        most: usize,
+        /// Those that there are.
+        agents: usize,
     },
 }
 
-fn plural(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Planner => "planners",
-        Kind::FailPolicy => "fail policies",
-        Kind::InstanceGenerator => "instance generators",
-        Kind::InvocationPolicy => "invocation policies",
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Capability { needed, .. } => write!(f, "does not support `{}`", needed.as_str()),
+            Self::Feature(feature) => {
+                write!(
+                    f,
+                    "does not list the feature `{feature}`, which the task needs"
+                )
+            }
+            Self::Agents { most: 1, agents } => write!(f, "plans for one agent, not for {agents}"),
+            Self::Agents { most, agents } => {
+                write!(f, "plans for {most} agents at most, not for {agents}")
+            }
+        }
     }
 }
 
@@ -123,7 +139,6 @@ impl TrialError {
     pub(crate) fn termination(&self) -> Option<Termination> {
         match self {
             Self::Incapable { .. }
-            | Self::Lacks { .. }
             | Self::NoView(_)
             | Self::Fleet(FleetError::Incapable { .. }) => Some(Termination::Unsupported),
             _ => {
@@ -147,29 +162,18 @@ impl TrialError {
             Self::NoPlugin { ids, .. } => Some(format!("it has {}", ids.join(", "))),
             Self::CodeChanged { .. } => Some("run the command again".to_owned()),
             Self::Incapable {
-                missing: Capability::Pebble,
-                lines: true,
+                missing:
+                    Missing::Capability {
+                        needed: Capability::Pebble,
+                        lines: true,
+                    },
+                able,
                 ..
-            } => Some(
-                "it plans in straight lines, which the path rules `bresenham` and \
-                 `supercover` judge"
-                    .to_owned(),
-            ),
-            Self::Incapable {
-                able: Some(able), ..
-            } => Some(match able.as_slice() {
-                [] => "none of the standard planners does".to_owned(),
-                [one] => format!("the standard planner `{one}` does"),
-                [all @ .., last] => {
-                    let all: Vec<String> = all.iter().map(|id| format!("`{id}`")).collect();
-                    format!("the standard planners {} and `{last}` do", all.join(", "))
-                }
-            }),
-            Self::Incapable { name, .. }
-            | Self::Lacks { name, .. }
-            | Self::NoneOfViews { name, .. } => Some(format!(
-                "`fleetyard plugins info {name}` lists what it can do"
+            } => Some(format!(
+                "it plans in straight lines, which the path rules `bresenham` and `supercover` \
+                 judge; {able}"
             )),
+            Self::Incapable { able, .. } | Self::NoneOfViews { able, .. } => Some(able.to_string()),
         }
     }
 }

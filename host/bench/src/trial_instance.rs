@@ -1,7 +1,7 @@
 //! The instance of a trial, whichever its representation: how a planner is asked about it, and how
 //! its plan is judged and executed.
 
-use fleetyard_abi::{Descriptor, Instance, Plan, SharedEnvironment};
+use fleetyard_abi::{Capability, Descriptor, Environment, Instance, Kind, Plan, SharedEnvironment};
 use fleetyard_check::{PathRule, metrics, validate_paths};
 use fleetyard_core::{Digest, GridInstance, GridPlan, Hasher, InputError, TrajectoryPlan};
 use fleetyard_sim::{SimConfig, Simulator, TraceSink};
@@ -9,9 +9,10 @@ use fleetyard_views::{Judged, PlanTerms, Problem, View, visits_of};
 
 use crate::execution::execute;
 use crate::options::Robots;
-use crate::plugin::{Plugin, motion};
+use crate::plugin::motion;
 use crate::record::{ExecutionInfo, InstanceInfo, Metrics, VerdictInfo};
-use crate::trial_error::TrialError;
+use crate::trial::Host;
+use crate::trial_error::{Missing, TrialError};
 
 /// The most violations that a record lists; all are counted.
 const VIOLATIONS: usize = 20;
@@ -97,29 +98,51 @@ impl TrialInstance<'_> {
             .into())
     }
 
-    /// Refuses a planner of this description that does not claim what the instance needs, before it
-    /// is asked.
+    /// Refuses a planner of this description that does not do what the instance needs, before it is
+    /// asked; `map` is its map as planners are told it.
     pub(crate) fn check_planner(
         &self,
-        planner: &Plugin,
+        host: &Host,
         descriptor: &Descriptor,
+        map: &Environment,
         config: &SimConfig,
     ) -> Result<(), TrialError> {
-        match self {
-            Self::Grid {
-                instance,
-                path_rule,
-            } => {
-                let (connectivity, one_way) =
-                    (instance.connectivity(), instance.grid().has_move_masks());
-                planner.check_capabilities(descriptor, connectivity, one_way, *path_rule)
-            }
-            Self::View { .. } => {
-                let instance = self.instance(descriptor, config);
-                let needed = self.environment(config).needs().with(instance.needs());
-                planner.check_claims(descriptor, needed, &instance.needs_features())
-            }
+        let missing = |descriptor: &Descriptor| self.missing(descriptor, map, config);
+        missing(descriptor).map_or(Ok(()), |what| {
+            Err(TrialError::Incapable {
+                planner: descriptor.id.clone(),
+                missing: what,
+                able: host
+                    .runtime
+                    .able(Kind::Planner, |other| missing(other).is_none()),
+            })
+        })
+    }
+
+    /// The first thing that the instance needs and a planner of this description does not do.
+    pub(crate) fn missing(
+        &self,
+        descriptor: &Descriptor,
+        map: &Environment,
+        config: &SimConfig,
+    ) -> Option<Missing> {
+        let instance = self.instance(descriptor, config);
+        let claims = descriptor.capabilities;
+        let needed = map.needs().with(instance.needs());
+        if let Some(needed) = needed.iter().find(|needed| !claims.has(*needed)) {
+            let on_a_map = matches!(self, Self::Grid { .. });
+            return Some(Missing::Capability {
+                needed,
+                lines: on_a_map && claims.has(Capability::AnyAngle),
+            });
         }
+        let mut features = instance.needs_features().into_iter();
+        if let Some(feature) = features.find(|feature| !descriptor.features.contains(feature)) {
+            return Some(Missing::Feature(feature));
+        }
+        let agents = instance.agents();
+        let most = descriptor.most_agents().filter(|most| *most < agents)?;
+        Some(Missing::Agents { most, agents })
     }
 
     /// The map as planners are told it.
@@ -244,7 +267,8 @@ impl TrialInstance<'_> {
         found: Option<&Found>,
         config: &SimConfig,
     ) -> Metrics {
-        match self {
+        let there = plan.and_then(|plan| self.at_goal(plan));
+        let metrics = match self {
             Self::Grid {
                 instance,
                 path_rule,
@@ -266,6 +290,40 @@ impl TrialInstance<'_> {
                     ..Metrics::default()
                 }
             }
+        };
+        Metrics {
+            agents_at_goal: there,
+            individual_success: there.map(|there| there as f64 / self.agents().max(1) as f64),
+            ..metrics
+        }
+    }
+
+    /// The agents whose paths end at their goals.
+    fn at_goal(&self, plan: &Plan) -> Option<u64> {
+        let count = |ends: &[Option<u32>], goals: &[u32]| {
+            let pairs = ends.iter().zip(goals);
+            pairs.filter(|(end, goal)| **end == Some(**goal)).count() as u64
+        };
+        let of_cells = |plan: &GridPlan| -> Vec<Option<u32>> {
+            plan.paths().map(|path| path.last().copied()).collect()
+        };
+        match (self, plan) {
+            (Self::Grid { instance, .. }, Plan::Cells(plan)) => {
+                Some(count(&of_cells(plan), instance.goals()))
+            }
+            (Self::View { view, .. }, plan) => match (view, plan) {
+                (View::Grid(view), Plan::Cells(plan)) => {
+                    Some(count(&of_cells(plan), view.instance.goals()))
+                }
+                (View::Roadmap(view), Plan::Visits(visits)) => {
+                    let plan = visits_of(visits).ok()?;
+                    let ends = plan.paths().map(|visits| Some(visits.last()?.vertex));
+                    let ends: Vec<_> = ends.collect();
+                    Some(count(&ends, &view.goals))
+                }
+                _ => None,
+            },
+            _ => None,
         }
     }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use bytesize::ByteSize;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, ArgMatches, Args, FromArgMatches, ValueEnum, value_parser};
 use fleetyard_bench::{BudgetOptions, SandboxOptions};
 use fleetyard_core::formats::Format as FileFormat;
@@ -62,6 +63,40 @@ impl Args for Format {
     }
 }
 
+/// An error of the parser, with a tip where it met a word that belongs somewhere else.
+pub(crate) fn explained(mut error: clap::Error) -> clap::Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else {
+        return error;
+    };
+    let tip = match error.kind() {
+        ErrorKind::UnknownArgument if !word.starts_with('-') => stray(word),
+        _ => None,
+    };
+    if let Some(tip) = tip {
+        let tips = ContextValue::StyledStrs(vec![tip.into()]);
+        error.insert(ContextKind::Suggested, tips);
+    }
+    error
+}
+
+/// The place of a word that stands alone, where its look tells it.
+fn stray(word: &str) -> Option<String> {
+    let ends = |end: &str| word.len() > end.len() && word.ends_with(end);
+    let flag = if ends(".scen") {
+        "--scen"
+    } else if ends(".task.json") {
+        "--task"
+    } else if ends(".map") || ends(".grid.json") {
+        "--map"
+    } else {
+        let (name, _) = word.split_once('=')?;
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        let tip = "options of a plugin stand right behind its name, as in '--planner PLUGIN";
+        return (!name.is_empty() && name.chars().all(is_name)).then(|| format!("{tip} {word}'"));
+    };
+    Some(format!("name it with {flag}, as in '{flag} {word}'"))
+}
+
 /// A value that was read, or the reason why the text is none.
 type Read<T> = std::result::Result<T, String>;
 
@@ -101,6 +136,61 @@ pub(crate) fn file_format(text: &str) -> Read<FileFormat> {
     })
 }
 
+/// A kind of file that is written whatever its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Written {
+    Csv,
+    Html,
+    Json,
+    JsonLines,
+    Markdown,
+    Parquet,
+    Png,
+    Svg,
+    Trace,
+}
+
+impl Written {
+    /// What it is called, and the ends of names that are its own, the usual one first.
+    fn known(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Csv => ("CSV", &["csv"]),
+            Self::Html => ("an HTML page, which a browser shows,", &["html", "htm"]),
+            Self::Json => ("JSON", &["json"]),
+            Self::JsonLines => ("JSON Lines", &["jsonl", "ndjson", "json"]),
+            Self::Markdown => ("Markdown", &["md", "markdown"]),
+            Self::Parquet => ("Parquet", &["parquet"]),
+            Self::Png => ("a PNG picture", &["png"]),
+            Self::Svg => ("an SVG picture", &["svg"]),
+            Self::Trace => (
+                "a trace, of which `fleetyard trace export` makes other files,",
+                &["trace"],
+            ),
+        }
+    }
+
+    /// A path to write to, unless its name promises a file of another kind.
+    pub(crate) fn path(self, text: &str) -> Read<PathBuf> {
+        const OTHERS: &[&str] = &[
+            "avi", "csv", "gif", "htm", "html", "jpeg", "jpg", "json", "jsonl", "markdown", "md",
+            "mkv", "mov", "mp4", "ndjson", "parquet", "pdf", "png", "svg", "trace", "tsv", "webm",
+            "webp", "xlsx", "xml", "yaml", "yml",
+        ];
+        let path = PathBuf::from(text);
+        let end = path.extension().and_then(OsStr::to_str);
+        let end = end.unwrap_or_default().to_ascii_lowercase();
+        let (what, own) = self.known();
+        if own.contains(&end.as_str()) || !OTHERS.contains(&end.as_str()) {
+            return Ok(path);
+        }
+        let better = path.with_extension(own[0]);
+        Err(format!(
+            "this writes {what} and no .{end} file: name it {}",
+            better.display()
+        ))
+    }
+}
+
 /// A file for a picture; its name says the format.
 pub(crate) fn picture(text: &str) -> Read<PathBuf> {
     let path = PathBuf::from(text);
@@ -135,7 +225,9 @@ pub(crate) fn size(text: &str) -> Read<u64> {
 
 /// A limit of search nodes.
 pub(crate) fn nodes(text: &str) -> Read<u64> {
-    let nodes = text.parse().map_err(|_| "write a whole number".to_owned())?;
+    let nodes = text
+        .parse()
+        .map_err(|_| "write a whole number".to_owned())?;
     if nodes == 0 {
         return Err("nothing can be searched without nodes; leave --nodes out for no limit".into());
     }
@@ -379,8 +471,11 @@ impl PluginArg {
             .map_or(("", words), |(first, own)| (&**first, own));
         if let Some(wrong) = own.iter().find(|option| !option.contains('=')) {
             let message = format!("`{wrong}` after the plugin `{plugin}` is no option NAME=VALUE");
-            let hint = "`fleetyard compare` runs several, and every planner has a --planner of its \
-                        own";
+            let several = || {
+                "`fleetyard compare` runs several, and every planner has a --planner of its own"
+                    .to_owned()
+            };
+            let hint = stray(wrong).unwrap_or_else(several);
             return Err(Failure::new(Exit::Usage, message).hint(hint));
         }
         Ok(Self {

@@ -182,9 +182,7 @@ impl From<TrialError> for Failure {
                 wanted: Some(_), ..
             } => Exit::Usage,
             TrialError::NoPlugin { .. } | TrialError::CodeChanged { .. } => Exit::Plugin,
-            TrialError::Incapable { .. }
-            | TrialError::Lacks { .. }
-            | TrialError::NoneOfViews { .. } => Exit::NoPlan,
+            TrialError::Incapable { .. } | TrialError::NoneOfViews { .. } => Exit::NoPlan,
         };
         Self {
             exit,

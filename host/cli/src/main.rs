@@ -90,7 +90,8 @@ enum Command {
 fn main() {
     // Does not return in the processes that this program starts for plugins.
     fleetyard_runtime::supervisor::intercept(setup::BUILT_IN);
-    let matches = Cli::command().get_matches();
+    let matches = Cli::command().try_get_matches();
+    let matches = matches.unwrap_or_else(|error| args::explained(error).exit());
     let cli = Cli::from_arg_matches(&matches);
     let cli = cli.unwrap_or_else(|error| error.format(&mut Cli::command()).exit());
     let exit = match dispatch(&cli.command, &matches) {

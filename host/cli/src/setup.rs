@@ -8,9 +8,10 @@ use fleetyard_bench::{
     BudgetOptions, Host, Plugin, Robots, RobotsError, SandboxOptions, half_of_memory,
 };
 use fleetyard_check::PathRule;
+use fleetyard_core::{InputError, Scenario, find_map};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
-    Standing, Trust,
+    Standing, Trust, sandbox::out_of_reach,
 };
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::{Fleet, SimConfig};
@@ -97,6 +98,11 @@ pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy>
                 .hint("--allow-read names what the plugin may read"));
         }
     }
+    for (name, value) in &grants.env {
+        for (folder, reason) in out_of_reach(name, value) {
+            output::warning(&format!("--env {name}: {} {reason}", folder.display()));
+        }
+    }
     Ok(Policy {
         level: grants.sandbox,
         read: grants.allow_read.clone(),
@@ -161,6 +167,17 @@ pub(crate) fn unreadable(folder: &Path, reason: &str) -> String {
         "the folder {} of FLEETYARD_PLUGIN_PATH cannot be searched: {reason}",
         folder.display()
     )
+}
+
+/// The file of a scenario's map: the one that is named, or `NAME.map` in the folder that is named or
+/// else in that of the scenario.
+pub(crate) fn map_of(
+    scenario: &Scenario,
+    file: &Path,
+    named: Option<&PathBuf>,
+) -> std::result::Result<PathBuf, InputError> {
+    let name = scenario.map_name().unwrap_or_default();
+    find_map(name, file, named.map_or(&[], std::slice::from_ref), "--map")
 }
 
 /// The simulator's parameters from the arguments.

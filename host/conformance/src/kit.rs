@@ -50,22 +50,23 @@ impl Kit {
         self.runtime.describe(file)
     }
 
-    /// The report about a file that could not even be described.
-    pub fn refused(fault: Fault, seed: u64, taken: Duration) -> CaseReport {
+    /// The report about a file that could not even be described. A fault of the host is no report.
+    pub fn refused(fault: Fault, seed: u64, taken: Duration) -> Result<CaseReport, Fault> {
         let hint = fault.hint().map(str::to_owned);
-        let (outcome, mut reason) = Stop::from(fault).parts();
+        let (outcome, mut reason) = Stop::from(fault).parts()?;
         if let Some(hint) = hint {
             reason = format!("{reason}\n{hint}");
         }
-        CaseReport {
+        Ok(CaseReport {
             case: "handshake".into(),
             outcome,
             reason: Some(reason),
             warnings: Vec::new(),
+            notes: Vec::new(),
             figures: [].into(),
             seed,
             time_ms: milliseconds(taken),
-        }
+        })
     }
 
     /// The seed of one case in a run of many: cases do not depend on which others
@@ -76,8 +77,8 @@ impl Kit {
         of_kind.below(1 << 32) as u64
     }
 
-    /// Runs one case.
-    pub fn check(&self, subject: &Subject, case: &Case, seed: u64) -> CaseReport {
+    /// Runs one case. An error is a fault of the host, which says nothing of the plugin.
+    pub fn check(&self, subject: &Subject, case: &Case, seed: u64) -> Result<CaseReport, Fault> {
         let started = Instant::now();
         let mut trial = Trial::new(&self.runtime, self.config, subject, seed);
         let ended = trial
@@ -87,19 +88,20 @@ impl Kit {
         let (outcome, reason) = match ended {
             Ok(()) => (Outcome::Passed, None),
             Err(stop) => {
-                let (outcome, reason) = stop.parts();
+                let (outcome, reason) = stop.parts()?;
                 (outcome, Some(reason))
             }
         };
-        let (warnings, figures) = trial.into_notes();
-        CaseReport {
+        let (warnings, notes, figures) = trial.into_findings();
+        Ok(CaseReport {
             case: case.name.into(),
             outcome,
             reason,
             warnings,
+            notes,
             figures,
             seed,
             time_ms: milliseconds(started.elapsed()),
-        }
+        })
     }
 }

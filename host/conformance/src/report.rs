@@ -42,6 +42,9 @@ pub struct CaseReport {
     pub reason: Option<String>,
     /// Findings that are odd but allowed.
     pub warnings: Vec<String>,
+    /// Findings that are as they may be.
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// Figures measured on the way.
     pub figures: BTreeMap<String, f64>,
     /// Asks the same again.

@@ -11,16 +11,29 @@ pub(crate) enum Stop {
     Failed(String),
     Crashed(String),
     Skipped(String),
+    /// The host failed, which says nothing of the plugin.
+    Host(Fault),
 }
 
 pub(crate) type Step<T> = Result<T, Stop>;
 
 impl Stop {
-    pub(crate) fn parts(self) -> (Outcome, String) {
+    /// The outcome of the case with its reason; the fault, if it is the host's.
+    pub(crate) fn parts(self) -> Result<(Outcome, String), Fault> {
         match self {
-            Self::Failed(reason) => (Outcome::Failed, reason),
-            Self::Crashed(reason) => (Outcome::Crashed, reason),
-            Self::Skipped(reason) => (Outcome::Skipped, reason),
+            Self::Failed(reason) => Ok((Outcome::Failed, reason)),
+            Self::Crashed(reason) => Ok((Outcome::Crashed, reason)),
+            Self::Skipped(reason) => Ok((Outcome::Skipped, reason)),
+            Self::Host(fault) => Err(fault),
+        }
+    }
+
+    /// The same, in a situation that its reason is told with.
+    pub(crate) fn told(self, tell: impl FnOnce(String) -> String) -> Self {
+        match self {
+            Self::Failed(reason) => Self::Failed(tell(reason)),
+            Self::Crashed(reason) => Self::Crashed(tell(reason)),
+            other @ (Self::Skipped(_) | Self::Host(_)) => other,
         }
     }
 }
@@ -29,6 +42,7 @@ impl From<Fault> for Stop {
     fn from(fault: Fault) -> Self {
         let reason = fault.to_string();
         match fault {
+            fault if fault.is_of_host() => Self::Host(fault),
             Fault::Crashed { .. } | Fault::Exited { .. } => Self::Crashed(reason),
             _ => Self::Failed(reason),
         }

@@ -152,6 +152,12 @@ fn same_plan(one: &Plan, other: &Plan) -> bool {
     }
 }
 
+/// Figures of a case: answers that were expected to have a plan, and those of them in which the plugin
+/// gave up.
+pub const EXPECTED: &str = "expected_plans";
+/// See [`EXPECTED`].
+pub const GIVEN_UP: &str = "given_up";
+
 /// One case in progress.
 pub(crate) struct Trial<'a> {
     runtime: &'a Runtime,
@@ -159,6 +165,7 @@ pub(crate) struct Trial<'a> {
     pub(crate) subject: &'a Subject,
     pub(crate) seed: u64,
     warnings: Vec<String>,
+    notes: Vec<String>,
     figures: BTreeMap<String, f64>,
     /// In the host's process a library is loaded and initialised once.
     kept: Option<Session>,
@@ -185,6 +192,7 @@ impl<'a> Trial<'a> {
             subject,
             seed,
             warnings: Vec::new(),
+            notes: Vec::new(),
             figures: BTreeMap::new(),
             kept: None,
             delay: 0,
@@ -206,7 +214,7 @@ impl<'a> Trial<'a> {
             )));
         }
         for unknown in std::mem::take(&mut self.unknown) {
-            self.warn(format!("not known, as it may be: {unknown}"));
+            self.note(format!("not known, as it may be: {unknown}"));
         }
         Ok(())
     }
@@ -216,8 +224,9 @@ impl<'a> Trial<'a> {
         !self.unknown.is_empty()
     }
 
-    pub(crate) fn into_notes(self) -> (Vec<String>, BTreeMap<String, f64>) {
-        (self.warnings, self.figures)
+    /// What was found beside the outcome: warnings, notes and figures.
+    pub(crate) fn into_findings(self) -> (Vec<String>, Vec<String>, BTreeMap<String, f64>) {
+        (self.warnings, self.notes, self.figures)
     }
 
     pub(crate) fn config(&self) -> &Config {
@@ -238,6 +247,19 @@ impl<'a> Trial<'a> {
         if !self.warnings.contains(&text) {
             self.warnings.push(text);
         }
+    }
+
+    /// Something that is as it may be, and worth knowing.
+    pub(crate) fn note(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+
+    /// Counts one more of something.
+    fn count(&mut self, name: &str) {
+        *self.figures.entry(name.into()).or_default() += 1.0;
     }
 
     pub(crate) fn figure(&mut self, name: &str, value: f64) {
@@ -631,6 +653,9 @@ impl<'a> Trial<'a> {
             return Ok(());
         }
         self.judged += 1;
+        if expectation == Expectation::Plan {
+            self.count(EXPECTED);
+        }
         // The host cancels a call when its time is up.
         let status = match answer.status {
             Status::Cancelled if answer.by_clock => Status::TimedOut,
@@ -662,7 +687,8 @@ impl<'a> Trial<'a> {
                     Duration::ZERO => String::new(),
                     late => format!(", {:.0} ms after the deadline", milliseconds(late)),
                 };
-                self.warn(format!("{}: no answer: {shown}{late}", scene.name()));
+                self.note(format!("{}: no answer: {shown}{late}", scene.name()));
+                self.count(GIVEN_UP);
                 Ok(())
             }
             _ => Ok(()),

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use fleetyard_abi::{
-    Assignment, Capability, FleetState, Goals, Instance, Kind, Motion, Plan, Request,
+    Assignment, Capabilities, Capability, FleetState, Goals, Instance, Kind, Motion, Plan, Request,
     SharedEnvironment, Status,
 };
 use fleetyard_core::{Connectivity, Grid, GridPlan};
@@ -19,7 +19,7 @@ use crate::memory::Memory;
 use crate::modules::{Module, budget};
 use crate::recording::{KeptBytes, Notice};
 use crate::run::judge_by;
-use crate::timed::{Ordered, Timed, is_timed};
+use crate::timed::{Ordered, Timed};
 use crate::{By, EventKind, FleetConfig, FleetError};
 
 /// The name of the figure by which a planner tells how much it searched.
@@ -92,71 +92,79 @@ pub(crate) struct Pipeline {
 const ALONG_THE_GRID: &str = "fleets move along the grid: use the motion `pebble` or `rotation`, or in continuous time \
                               `stop-go` or `slower`";
 
-const IN_TIME: &str = "choose a planner of roadmaps in continuous time, such as `roadmap-pp`, or plan in steps, as with \
-                       the motion `pebble`";
+const IN_STEPS: &str = "plan in steps, as with the motion `pebble`";
+
+/// Refuses a plugin that does not claim what is needed of it: the first thing, each with another way
+/// out than a plugin that does.
+fn check_claims(module: &Module, needs: &[(Capability, &str)]) -> Result<(), FleetError> {
+    let claims = module.capabilities();
+    let Some((missing, way_out)) = needs.iter().find(|(needed, _)| !claims.has(*needed)) else {
+        return Ok(());
+    };
+    let needed: Vec<Capability> = needs.iter().map(|(needed, _)| *needed).collect();
+    let able = module.able(Capabilities::of(&needed));
+    let hint = match *way_out {
+        "" => able.to_string(),
+        way_out => format!("{way_out}; {able}"),
+    };
+    Err(FleetError::Incapable {
+        kind: module.info().kind,
+        name: module.info().name.clone(),
+        missing: *missing,
+        hint,
+    })
+}
 
 impl Pipeline {
-    /// Refuses a planner that cannot do what the run needs.
+    /// Refuses a planner or a fail policy that cannot do what the run needs.
     pub(crate) fn check_capabilities(&self) -> Result<(), FleetError> {
         let can = self.planner.capabilities();
         let unlimited = self.config.window_steps() == 0;
-        let shared = self.generator.capabilities();
         let (motion, hint) = match self.config.motion {
-            Motion::Pebble => (Capability::Pebble, "choose another planner"),
+            Motion::Pebble => (Capability::Pebble, ""),
             Motion::Rotation => (
                 Capability::Rotation,
-                "choose another planner, or let it plan as for pebbles: robots turn all the same",
+                "let it plan as for pebbles: robots turn all the same",
             ),
+            Motion::StopGo => (Capability::StopGo, IN_STEPS),
+            Motion::Slower => (Capability::Slower, IN_STEPS),
             Motion::AnyAngle => (Capability::AnyAngle, ALONG_THE_GRID),
-            Motion::StopGo => (Capability::StopGo, IN_TIME),
-            Motion::Slower => (Capability::Slower, IN_TIME),
             Motion::Dynamics => (Capability::Dynamics, ALONG_THE_GRID),
         };
-        let map = if is_timed(self.config.motion) {
-            (true, Capability::Roadmap, IN_TIME)
+        let map = self
+            .timed
+            .as_ref()
+            .map_or(&self.environment, Timed::environment);
+        let on_the_map = if self.timed.is_some() {
+            IN_STEPS
         } else if can.has(Capability::Roadmap) {
-            let hint = "choose another planner, or let it plan in continuous time with the motion `stop-go`";
-            (true, Capability::Grid, hint)
+            "let it plan in continuous time with the motion `stop-go`"
         } else {
-            (true, Capability::Grid, "choose another planner")
+            ""
         };
-        let needs = [
-            map,
-            (true, motion, hint),
-            (
-                !unlimited,
-                Capability::Windowed,
-                "it plans to the end: give it no window with `--window 0s`, or choose another \
-                 planner",
-            ),
-            (
-                unlimited && shared.has(Capability::DuplicateGoals),
-                Capability::DuplicateGoals,
-                "the instance generator lets several robots have one goal: use \
-                 `distinct-one-goal`, or choose another planner",
-            ),
-        ];
-        if self.config.is_synchronous()
-            && self.config.motion == Motion::Rotation
-            && !self.fail_policy.capabilities().has(Capability::Rotation)
+        let mut needs: Vec<_> = map
+            .needs()
+            .iter()
+            .map(|needed| (needed, on_the_map))
+            .collect();
+        needs.push((motion, hint));
+        if unlimited
+            && self
+                .generator
+                .capabilities()
+                .has(Capability::DuplicateGoals)
         {
-            return Err(FleetError::Incapable {
-                kind: Kind::FailPolicy,
-                name: self.fail_policy.info().name.clone(),
-                missing: Capability::Rotation,
-                hint: "choose another fail policy: by synchronous rules robots turn in steps of \
-                       the plan",
-            });
+            let hint =
+                "the instance generator lets several robots have one goal: use `distinct-one-goal`";
+            needs.push((Capability::DuplicateGoals, hint));
+        } else if !unlimited {
+            let hint = "it plans to the end: give it no window with `--window 0s`";
+            needs.push((Capability::Windowed, hint));
         }
-        for (needed, missing, hint) in needs {
-            if needed && !can.has(missing) {
-                return Err(FleetError::Incapable {
-                    kind: Kind::Planner,
-                    name: self.planner.info().name.clone(),
-                    missing,
-                    hint,
-                });
-            }
+        check_claims(&self.planner, &needs)?;
+        if self.config.is_synchronous() && self.config.motion == Motion::Rotation {
+            let hint = "by synchronous rules robots turn in steps of the plan";
+            check_claims(&self.fail_policy, &[(Capability::Rotation, hint)])?;
         }
         Ok(())
     }

@@ -45,7 +45,7 @@ pub enum FleetError {
         /// The capability that is needed.
         missing: Capability,
         /// A way out.
-        hint: &'static str,
+        hint: String,
     },
     /// The host broke a rule of its own.
     #[error("{0}")]
@@ -56,7 +56,8 @@ impl FleetError {
     /// A way out.
     pub fn hint(&self) -> Option<&str> {
         match self {
-            Self::Config { hint, .. } | Self::Incapable { hint, .. } => Some(hint),
+            Self::Config { hint, .. } => Some(hint),
+            Self::Incapable { hint, .. } => Some(hint),
             Self::Input(error) => error.hint.as_deref(),
             Self::Sim(error) => error.hint(),
             Self::Start { fault, .. } => fault.hint(),

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use fleetyard_abi::{Budget, Capabilities, Kind, SharedEnvironment};
 use fleetyard_core::Digest;
-use fleetyard_runtime::{Closing, Fault, Session};
+use fleetyard_runtime::{Able, Closing, Fault, Runtime, Session};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -39,12 +39,13 @@ impl ModuleInfo {
 }
 
 /// Starts a plugin: opens a session and makes the plugin in it.
-pub type Start = dyn Fn() -> Result<Session, Fault> + Send;
+pub type Start = dyn Fn(&Runtime) -> Result<Session, Fault> + Send;
 
 /// A plugin that was made, and the means to make it again.
 pub struct Module {
     info: ModuleInfo,
     capabilities: Capabilities,
+    runtime: Runtime,
     start: Box<Start>,
     session: Option<Session>,
     /// True once the plugin that runs has learnt the map.
@@ -62,16 +63,18 @@ impl std::fmt::Debug for Module {
 }
 
 impl Module {
-    /// A plugin that was made in a session, and what makes it in another one.
+    /// A plugin that was made in a session of a runtime, and what makes it in another one.
     pub fn new(
         info: ModuleInfo,
         capabilities: Capabilities,
         session: Session,
+        runtime: Runtime,
         start: Box<Start>,
     ) -> Self {
         Self {
             info,
             capabilities,
+            runtime,
             start,
             session: Some(session),
             prepared: false,
@@ -90,6 +93,14 @@ impl Module {
         self.capabilities
     }
 
+    /// The plugins of its kind that claim so much for a fleet.
+    pub(crate) fn able(&self, needed: Capabilities) -> Able {
+        self.runtime.able(self.info.kind, |other| {
+            let claims = other.capabilities;
+            other.most_agents().is_none() && needed.iter().all(|needed| claims.has(needed))
+        })
+    }
+
     /// True if it has to be started before it can be asked.
     pub(crate) fn is_down(&self) -> bool {
         self.session.is_none()
@@ -103,7 +114,7 @@ impl Module {
         budget: &Budget,
     ) -> Result<&mut Session, Fault> {
         if self.session.is_none() {
-            self.session = Some((self.start)()?);
+            self.session = Some((self.start)(&self.runtime)?);
         }
         if !self.prepared && self.info.kind != Kind::InvocationPolicy {
             let session = self.session.as_mut();

@@ -206,7 +206,9 @@ fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {
             }
         }
     }
-    let mut hint = match nearest(name, known.iter(), 2) {
+    // Identifiers have small letters, and papers have others: `LaCAM`.
+    let small = name.to_ascii_lowercase();
+    let mut hint = match nearest(&small, known.iter(), 2) {
         Some(candidate) => format!("did you mean `{candidate}`?"),
         None => format!(
             "known: {}; or name a file, as in ./{name}",

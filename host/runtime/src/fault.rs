@@ -203,6 +203,11 @@ impl Fault {
                 "its result does not count; if nobody ended the supervisor on purpose, \
                  `fleetyard doctor` says which layers keep a plugin away from it here",
             ),
+            // EAGAIN, as the system writes it.
+            Self::Host { reason } if reason.contains("(os error 11)") => Some(
+                "the user or the container may have no more processes (`ulimit -u`, `pids.max`): raise \
+                 the limit, or run less at a time",
+            ),
             Self::Host { .. } => Some("run it again when the machine has what was missing"),
             _ => None,
         }

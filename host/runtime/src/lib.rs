@@ -19,6 +19,7 @@
 // Loading libraries and supervising processes is what this crate is for.
 #![allow(unsafe_code)]
 
+mod able;
 mod code;
 mod companion;
 mod confinement;
@@ -34,6 +35,7 @@ mod sessions;
 mod usage;
 mod user_folder;
 
+pub use able::{Able, plural};
 pub use code::CodeFile;
 pub use companion::as_companion;
 pub use confinement::promises::BrokenPromise;

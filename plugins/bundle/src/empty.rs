@@ -36,6 +36,7 @@ impl Plugin for Empty {
                 Capability::CollidingPlans,
                 Capability::Deterministic,
             ]),
+            features: vec![Descriptor::FOR_MEASURING.to_owned()],
             options_schema: options_schema::<Self>(),
             ..Descriptor::new(
                 Kind::Planner,

@@ -40,6 +40,8 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     const ABOUT: &'static str;
     /// Names of the dynamics of robots that it plans for, besides [`DYNAMICS`].
     const MORE_DYNAMICS: &'static [&'static str] = &[];
+    /// Features besides those of its dynamics, such as [`Descriptor::ONE_AGENT`].
+    const MORE_FEATURES: &'static [&'static str] = &[];
     /// Capabilities besides [`Capability::Continuous`], [`Capability::Dynamics`] and [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
 
@@ -388,7 +390,9 @@ impl<M: Method> Plugin for InStates<M> {
         ];
         let names = (M::ID, M::NAME);
         let known = DYNAMICS.iter().chain(M::MORE_DYNAMICS);
-        let features = known.map(|name| format!("dynamics:{name}"));
+        let features = known
+            .map(|name| format!("dynamics:{name}"))
+            .chain(M::MORE_FEATURES.iter().map(|&feature| feature.to_owned()));
         Descriptor {
             features: features.collect(),
             ..described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])

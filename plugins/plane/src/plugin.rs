@@ -34,6 +34,8 @@ pub trait Method: DeserializeOwned + JsonSchema + Send + 'static {
     const NAME: &'static str;
     /// The method in a sentence or two, with its source.
     const ABOUT: &'static str;
+    /// Features besides those of its dynamics, such as [`Descriptor::ONE_AGENT`].
+    const MORE_FEATURES: &'static [&'static str] = &[];
     /// Capabilities besides [`Capability::Continuous`], [`Capability::Dynamics`] and [`Capability::Deterministic`].
     const CAPABILITIES: &'static [Capability];
 
@@ -92,7 +94,10 @@ impl<M: Method> Plugin for InPlane<M> {
         ];
         let names = (M::ID, M::NAME);
         Descriptor {
-            features: vec![format!("dynamics:{SINGLE_INTEGRATOR}")],
+            features: [format!("dynamics:{SINGLE_INTEGRATOR}")]
+                .into_iter()
+                .chain(M::MORE_FEATURES.iter().map(|&feature| feature.to_owned()))
+                .collect(),
             ..described::<M>(Kind::Planner, names, M::ABOUT, [common, M::CAPABILITIES])
         }
     }

@@ -6,7 +6,7 @@
 
 use fleetyard_abi::sdk::{Failure, Options as Given, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
-    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Motion, ONE_AGENT,
+    Budget, Capabilities, Capability, Descriptor, GridPlan, Instance, Kind, Motion,
     SharedEnvironment, Status, monotonic_ns,
 };
 use schemars::JsonSchema;
@@ -67,7 +67,7 @@ impl<V: Variety> Plugin for GridPlanner<V> {
             version: env!("CARGO_PKG_VERSION").into(),
             license: env!("CARGO_PKG_LICENSE").into(),
             capabilities: Capabilities::of(&all),
-            features: vec![ONE_AGENT.into()],
+            features: vec![Descriptor::ONE_AGENT.to_owned()],
             options_schema: options_schema::<V>(),
             ..Descriptor::new(Kind::Planner, V::ID, format!("{} One agent.", V::ABOUT))
         }

@@ -1,6 +1,7 @@
 //! Sets of instances, before and after their files were read.
 
 use std::collections::{BTreeMap, HashSet};
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -453,39 +454,26 @@ impl FoundSet<'_> {
     }
 }
 
-/// The files that a path with wildcards stands for, in the order of their names.
+/// The files that a path with wildcards stands for, in the order of their names. A part that is there as
+/// it is written stands for itself, whatever letters it has.
 fn expand(named: &Named) -> Result<Vec<PathBuf>, InputError> {
-    let has_wildcards = |part: &std::ffi::OsStr| {
+    let has_wildcards = |part: &OsStr| {
         let bytes = part.as_encoded_bytes();
-        bytes.contains(&b'*') || bytes.contains(&b'?')
+        bytes.iter().any(|byte| b"*?[".contains(byte))
     };
-    if !has_wildcards(named.path.as_os_str()) {
+    if !has_wildcards(named.path.as_os_str()) || named.path.exists() {
         return Ok(vec![named.path.clone()]);
     }
     let mut found = vec![PathBuf::new()];
     for part in &named.path {
-        if !has_wildcards(part) {
-            for path in &mut found {
-                path.push(part);
-            }
-            continue;
-        }
-        let pattern: Vec<char> = part.to_string_lossy().chars().collect();
         let mut next = Vec::new();
         for folder in &found {
-            let listed = if folder.as_os_str().is_empty() {
-                Path::new(".")
-            } else {
-                folder
-            };
-            let mut names: Vec<String> = fs::read_dir(listed)
-                .into_iter()
-                .flatten()
-                .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-                .filter(|name| !name.starts_with('.') || pattern.first() == Some(&'.'))
-                .filter(|name| matches(&pattern, &name.chars().collect::<Vec<_>>()))
-                .collect();
-            names.sort_unstable();
+            let written = folder.join(part);
+            if !has_wildcards(part) || written.exists() {
+                next.push(written);
+                continue;
+            }
+            let names = matching(folder, &part.to_string_lossy());
             next.extend(names.into_iter().map(|name| folder.join(name)));
             if next.len() as u64 > MOST_INSTANCES {
                 let reason = format!("more than {MOST_INSTANCES} files match");
@@ -497,23 +485,129 @@ fn expand(named: &Named) -> Result<Vec<PathBuf>, InputError> {
     found.retain(|path| path.exists());
     if found.is_empty() {
         let reason = format!("no file matches {}", named.path.display());
-        return Err(named.place.error(reason));
+        return Err(named.place.error(reason).hint(
+            "`*` stands for any letters, `?` for one, `[abc]` and `[0-9]` for one of these",
+        ));
     }
     Ok(found)
 }
 
-/// True if a name matches a pattern, in which `*` stands for any letters and `?` for one.
-fn matches(pattern: &[char], name: &[char]) -> bool {
+/// The names in a folder that a pattern stands for, in order. Brackets in which nothing matches are
+/// letters: files have them in their names.
+fn matching(folder: &Path, pattern: &str) -> Vec<String> {
+    let listed = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let names: Vec<String> = fs::read_dir(listed)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| !name.starts_with('.') || pattern.starts_with('.'))
+        .collect();
+    let of = |pattern: &[Piece]| {
+        let fitting = names.iter().filter(|name| matches(pattern, name));
+        let mut fitting: Vec<String> = fitting.cloned().collect();
+        fitting.sort_unstable();
+        fitting
+    };
+    let by_sets = of(&pieces(pattern, true));
+    if by_sets.is_empty() && pattern.contains('[') {
+        return of(&pieces(pattern, false));
+    }
+    by_sets
+}
+
+/// A piece of a pattern.
+enum Piece {
+    /// Any letters.
+    Any,
+    /// One letter: any, or one that is in the ranges or, turned round, in none of them.
+    One {
+        ranges: Vec<(char, char)>,
+        is_turned: bool,
+    },
+}
+
+impl Piece {
+    fn fits(&self, letter: char) -> bool {
+        match self {
+            Self::Any => false,
+            Self::One { ranges, is_turned } => {
+                let within = |(first, last): &(char, char)| (*first..=*last).contains(&letter);
+                ranges.iter().any(within) != *is_turned
+            }
+        }
+    }
+}
+
+/// The pieces of a pattern: `*`, `?` and, with `sets`, `[a-z]` and `[!a-z]`. A bracket that is not closed
+/// is a letter.
+fn pieces(pattern: &str, sets: bool) -> Vec<Piece> {
+    let letters: Vec<char> = pattern.chars().collect();
+    let mut pieces = Vec::new();
+    let mut at = 0;
+    while let Some(&letter) = letters.get(at) {
+        at += 1;
+        let (ranges, is_turned) = match letter {
+            '*' => {
+                pieces.push(Piece::Any);
+                continue;
+            }
+            '?' => (Vec::new(), true),
+            '[' if sets => {
+                let is_turned = matches!(letters.get(at), Some('!' | '^'));
+                let from = at + usize::from(is_turned);
+                // One that comes first is in the set.
+                let rest = letters.get(from + 1..).unwrap_or_default();
+                match rest.iter().position(|letter| *letter == ']') {
+                    Some(more) => {
+                        at = from + more + 2;
+                        (ranges(&letters[from..=from + more]), is_turned)
+                    }
+                    None => (vec![('[', '[')], false),
+                }
+            }
+            letter => (vec![(letter, letter)], false),
+        };
+        pieces.push(Piece::One { ranges, is_turned });
+    }
+    pieces
+}
+
+/// The ranges of a set: `a-z` is one, any other letter one of its own.
+fn ranges(set: &[char]) -> Vec<(char, char)> {
+    let mut ranges = Vec::new();
+    let mut left = set;
+    loop {
+        left = match left {
+            [first, '-', last, rest @ ..] => {
+                ranges.push((*first, *last));
+                rest
+            }
+            [only, rest @ ..] => {
+                ranges.push((*only, *only));
+                rest
+            }
+            [] => return ranges,
+        };
+    }
+}
+
+/// True if a name matches a pattern.
+fn matches(pattern: &[Piece], name: &str) -> bool {
+    let name: Vec<char> = name.chars().collect();
     let (mut at, mut letter) = (0, 0);
     // The last `*`, and the letter up to which it reaches.
     let mut star: Option<(usize, usize)> = None;
     while letter < name.len() {
         match pattern.get(at) {
-            Some('*') => {
+            Some(Piece::Any) => {
                 star = Some((at, letter));
                 at += 1;
             }
-            Some(wanted) if *wanted == '?' || *wanted == name[letter] => {
+            Some(wanted) if wanted.fits(name[letter]) => {
                 at += 1;
                 letter += 1;
             }
@@ -527,7 +621,9 @@ fn matches(pattern: &[char], name: &[char]) -> bool {
             },
         }
     }
-    pattern[at..].iter().all(|letter| *letter == '*')
+    pattern[at..]
+        .iter()
+        .all(|piece| matches!(piece, Piece::Any))
 }
 
 #[cfg(test)]
@@ -545,14 +641,46 @@ mod tests {
             ("?-1?", "ä-12", true),
             ("?", "", false),
             ("**", "x", true),
+            ("a-[13].scen", "a-3.scen", true),
+            ("a-[13].scen", "a-2.scen", false),
+            ("[a-c]*[!0-9]", "b7x", true),
+            ("[a-c]*[!0-9]", "b77", false),
+            ("[]-]", "]", true),
+            ("[]-]", "-", true),
+            ("[z", "[z", true),
         ];
         for (pattern, name, expected) in cases {
-            let letters = |text: &str| text.chars().collect::<Vec<_>>();
             assert_eq!(
-                matches(&letters(pattern), &letters(name)),
+                matches(&pieces(pattern, true), name),
                 expected,
                 "{pattern} {name}"
             );
         }
+    }
+
+    #[test]
+    fn names_with_brackets_are_found_as_they_are_written() {
+        let yard = tempfile::tempdir().expect("a folder");
+        let folder = yard.path().join("runs [old] *");
+        fs::create_dir(&folder).expect("made");
+        for name in ["a[1].scen", "a[2].scen", "b1.scen", "b2.scen", "b3.scen"] {
+            fs::write(folder.join(name), "").expect("written");
+        }
+        let found = |pattern: &str| -> Vec<String> {
+            let named = Named {
+                path: folder.join(pattern),
+                place: Place::outside("scen"),
+            };
+            let found = expand(&named).expect("files");
+            let names = found.iter().map(|path| path.strip_prefix(&folder));
+            names
+                .map(|name| name.expect("inside").display().to_string())
+                .collect()
+        };
+        assert_eq!(found("a[1].scen"), ["a[1].scen"]);
+        assert_eq!(found("a[*].scen"), ["a[1].scen", "a[2].scen"]);
+        assert_eq!(found("a[*"), ["a[1].scen", "a[2].scen"]);
+        assert_eq!(found("b[12].scen"), ["b1.scen", "b2.scen"]);
+        assert_eq!(found("b[!2]*"), ["b1.scen", "b3.scen"]);
     }
 }

@@ -10,8 +10,8 @@ use clap::{Args, ValueEnum};
 use fleetyard_bench::evaluate::{Evaluation, PlannerSummary, SOLVE_TIME, Trials};
 use fleetyard_bench::suite::Suite;
 use fleetyard_bench::{
-    Asked, Counts, Experiment, Manifest, Meta, Places, Planned, Progress, Ran, Row, Shard,
-    SharedStore, Step, Store, Verified, changes, now_unix_ms, rough, run, verify,
+    Asked, Counts, Estimate, Experiment, Manifest, Meta, Places, Planned, Progress, Ran, Row,
+    Shard, SharedStore, Step, Store, Verified, changes, now_unix_ms, rough, run, verify,
 };
 use fleetyard_core::document::Setting;
 use fleetyard_core::{InputError, quoted, shown, write_atomically};
@@ -601,7 +601,8 @@ fn report(
             if contended > 0 {
                 let _ = write!(
                     text,
-                    "\n{} disturbed by others: the times of these cannot be compared",
+                    "\n{} disturbed by others: the times of these cannot be compared; end what else computes \
+                     here, and `--retry-contended 3` makes such trials again",
                     trials(contended as u64)
                 );
             }
@@ -675,6 +676,10 @@ struct Plan<'a> {
     retry_contended: u32,
     /// In the store already, of this part.
     there: u64,
+    /// The seconds that it takes by what trials in the store took, least and most; absent without them.
+    about_s: Option<[f64; 2]>,
+    /// If every plan took its whole budget.
+    plans_s: f64,
     /// If everybody used up all that budgets allow.
     at_most_s: f64,
     first: Vec<Next<'a>>,
@@ -693,10 +698,19 @@ struct Next<'a> {
 
 fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Result<Exit> {
     let (schedule, suite) = (experiment.schedule(), experiment.suite());
-    let keys = match place.symlink_metadata() {
-        Ok(_) => Store::open_read_only(place)?.keys()?,
-        Err(_) => BTreeSet::new(),
-    };
+    let mut estimate = Estimate::new(experiment.longest());
+    let mut keys = BTreeSet::new();
+    if place.symlink_metadata().is_ok() {
+        let store = Store::open_read_only(place)?;
+        keys = store.keys()?;
+        store.each(&mut |row| {
+            let mut labels = suite.planners.iter().map(|planner| &planner.label);
+            if let Some(planner) = labels.position(|label| *label == row.planner) {
+                estimate.known(planner, row.took());
+            }
+            Ok(())
+        })?;
+    }
     let missing = |planned: &Planned| keys.is_empty() || !keys.contains(&schedule.key(planned));
     let mut warm_ups = 0;
     let mut wanted = 0;
@@ -711,6 +725,7 @@ fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Resu
         } else {
             continue;
         }
+        estimate.expect(planned.planner);
         if first.len() < SHOWN {
             first.push(Next {
                 warm_up,
@@ -723,9 +738,12 @@ fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Resu
         }
     }
     let trials_of = schedule.len_of(arguments.shard);
-    let at_most = experiment
-        .longest()
-        .saturating_mul(u32::try_from(wanted + warm_ups).unwrap_or(u32::MAX));
+    let steps = u32::try_from(wanted + warm_ups).unwrap_or(u32::MAX);
+    let (at_most, plans) = (
+        experiment.longest().saturating_mul(steps),
+        experiment.budgeted().saturating_mul(steps),
+    );
+    let about = estimate.left();
     let plan = Plan {
         format: "fleetyard.bench-plan/1",
         suite: &suite.name,
@@ -743,6 +761,8 @@ fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Resu
         warm_ups,
         retry_contended: suite.protocol.retry_contended,
         there: trials_of - wanted,
+        about_s: about.map(|about| [about.low, about.high].map(|time| time.as_secs_f64())),
+        plans_s: plans.as_secs_f64(),
         at_most_s: at_most.as_secs_f64(),
         first,
     };
@@ -772,9 +792,23 @@ fn dry_run(arguments: &Bench, experiment: &Experiment<'_>, place: &Path) -> Resu
                 let attempts = 1 + plan.retry_contended;
                 let _ = write!(text, "\nattempts   up to {attempts} of what others disturb");
             }
+            if let Some(about) = about {
+                let range = about.range();
+                let _ = write!(
+                    text,
+                    "\ntime       {range}, by what trials in the store took"
+                );
+            }
             let _ = write!(
                 text,
-                "\ntime       {} if every trial spends its whole budget",
+                "\n{}  {} if every plan takes its whole budget, most end before; at most {}, with \
+                 starts, learning and ends",
+                if about.is_some() {
+                    "         "
+                } else {
+                    "time     "
+                },
+                rough(plans),
                 rough(at_most)
             );
             let lines = plan.first.iter().map(|next| {

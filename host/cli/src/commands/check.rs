@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_bench::{half_of_memory, milliseconds};
-use fleetyard_conformance::{CASES, Case, CaseReport, Config, Kit, Outcome, Subject, find};
+use fleetyard_conformance::{
+    CASES, Case, CaseReport, Config, EXPECTED, GIVEN_UP, Kit, Outcome, Subject, find,
+};
 use fleetyard_core::quoted;
 use fleetyard_runtime::{
     Attach, Found, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
@@ -68,6 +70,9 @@ pub(crate) struct Check {
     startup: Duration,
     #[command(flatten)]
     grants: GrantArgs,
+    /// Show skipped cases and notes as well: what the plugin does not claim, and what it gave up
+    #[arg(long)]
+    all: bool,
     /// Show the cases and what they ask
     #[arg(long)]
     list: bool,
@@ -97,6 +102,9 @@ struct Checked {
     kind: Option<Kind>,
     id: Option<String>,
     version: Option<String>,
+    /// Instances with a plan that it was asked, and those of them on which it gave up.
+    expected_plans: usize,
+    given_up: usize,
     cases: Vec<Row>,
 }
 
@@ -115,6 +123,7 @@ struct Summary {
     crashed: usize,
     skipped: usize,
     warnings: usize,
+    notes: usize,
 }
 
 impl Summary {
@@ -126,6 +135,7 @@ impl Summary {
             Outcome::Skipped => &mut self.skipped,
         } += 1;
         self.warnings += report.warnings.len();
+        self.notes += report.notes.len();
     }
 
     fn text(&self) -> String {
@@ -135,10 +145,11 @@ impl Summary {
             crashed,
             skipped,
             warnings,
+            notes,
         } = self;
         format!(
             "{passed} passed, {failed} failed, {crashed} crashed, {skipped} skipped, {warnings} \
-             warnings"
+             warnings, {notes} notes"
         )
     }
 }
@@ -199,7 +210,7 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
                 run.plugin(&subject, &cases)?;
             }
         }
-        Err(fault) => run.refused(Kit::refused(fault, arguments.seed, started.elapsed()))?,
+        Err(fault) => run.refused(Kit::refused(fault, arguments.seed, started.elapsed())?)?,
     }
     run.finish()
 }
@@ -380,6 +391,8 @@ impl Run<'_> {
             kind: Some(*kind),
             id: Some(id.clone()),
             version: Some(version.clone()),
+            expected_plans: 0,
+            given_up: 0,
             cases: Vec::new(),
         });
         // What is for another kind is worth a line only if it was asked for.
@@ -397,7 +410,7 @@ impl Run<'_> {
             let report = if self.attach == Attach::InProcess && self.arguments.report_to.is_none() {
                 self.elsewhere(subject, case, seed)?
             } else {
-                self.kit.check(subject, case, seed)
+                self.kit.check(subject, case, seed)?
             };
             if let Some(path) = &self.arguments.report_to {
                 let text = serde_json::to_vec(&report).map_err(internal)?;
@@ -410,6 +423,32 @@ impl Run<'_> {
             });
             self.row(Row { report, replay }, width)?;
         }
+        self.tell_given_up()
+    }
+
+    /// Says how often the last plugin gave up, which is a warning where it always did: nobody has seen a
+    /// plan of it.
+    fn tell_given_up(&mut self) -> Result<()> {
+        let Some(Checked {
+            expected_plans,
+            given_up,
+            ..
+        }) = self.document.plugins.last()
+        else {
+            return Ok(());
+        };
+        if *given_up == 0 || !self.arguments.only.is_empty() {
+            return Ok(());
+        }
+        let never = given_up == expected_plans;
+        let label = if never { "warning: " } else { "" };
+        let line = format!(
+            "  {label}gave up on {given_up} of {expected_plans} instances that have a plan"
+        );
+        self.document.summary.warnings += usize::from(never);
+        if self.is_text() {
+            output::print(&line)?;
+        }
         Ok(())
     }
 
@@ -421,6 +460,8 @@ impl Run<'_> {
             kind: None,
             id: None,
             version: None,
+            expected_plans: 0,
+            given_up: 0,
             cases: Vec::new(),
         });
         let width = report.case.len();
@@ -428,12 +469,26 @@ impl Run<'_> {
         self.row(Row { report, replay }, width)
     }
 
+    /// True if skipped cases and notes are worth a line each, rather than a number.
+    fn shows_all(&self) -> bool {
+        self.arguments.all || !self.arguments.only.is_empty()
+    }
+
     fn row(&mut self, row: Row, width: usize) -> Result<()> {
-        if self.is_text() {
-            output::print(&output::plain(&text(&row, width)))?;
+        let is_shown = row.report.outcome != Outcome::Skipped || self.shows_all();
+        if self.is_text() && is_shown {
+            output::print(&output::plain(&text(&row, width, self.shows_all())))?;
         }
         self.document.summary.count(&row.report);
         if let Some(checked) = self.document.plugins.last_mut() {
+            let figure = |name| {
+                row.report
+                    .figures
+                    .get(name)
+                    .map_or(0, |count| *count as usize)
+            };
+            checked.expected_plans += figure(EXPECTED);
+            checked.given_up += figure(GIVEN_UP);
             checked.cases.push(row);
         }
         Ok(())
@@ -443,7 +498,13 @@ impl Run<'_> {
         let summary = &self.document.summary;
         let bad = summary.failed + summary.crashed > 0;
         if self.is_text() {
-            output::print(&format!("\n{}", summary.text()))?;
+            let hides = summary.skipped + summary.notes > 0 && !self.shows_all();
+            let more = if hides {
+                "; --all shows everything"
+            } else {
+                ""
+            };
+            output::print(&format!("\n{}{more}", summary.text()))?;
         } else if self.arguments.report_to.is_none() {
             output::print_json(&self.document)?;
         }
@@ -530,6 +591,11 @@ impl Run<'_> {
             return Ok(report);
         }
         let (outcome, reason) = match ended {
+            Some(status) if status.code() == Some(Exit::Internal.code()) => {
+                let message = format!("the host that ran the case `{}` failed", case.name);
+                return Err(Failure::new(Exit::Internal, message)
+                    .hint("run it again when the machine has what was missing"));
+            }
             Some(status) => (Outcome::Crashed, ending(status)),
             None => (
                 Outcome::Failed,
@@ -541,6 +607,7 @@ impl Run<'_> {
             outcome,
             reason: Some(reason),
             warnings: Vec::new(),
+            notes: Vec::new(),
             figures: [].into(),
             seed,
             time_ms: milliseconds(started.elapsed()),
@@ -588,13 +655,14 @@ fn ending(status: ExitStatus) -> String {
 }
 
 /// A case for people: a line, and more where there is more to say.
-fn text(row: &Row, width: usize) -> String {
+fn text(row: &Row, width: usize, with_notes: bool) -> String {
     const MARGIN: usize = 12;
     let CaseReport {
         case,
         outcome,
         reason,
         warnings,
+        notes,
         time_ms,
         ..
     } = &row.report;
@@ -618,6 +686,9 @@ fn text(row: &Row, width: usize) -> String {
     }
     for warning in warnings {
         more("warning: ", warning);
+    }
+    for note in notes.iter().filter(|_| with_notes) {
+        more("note: ", note);
     }
     if let Some(replay) = &row.replay {
         more("replay: ", replay);

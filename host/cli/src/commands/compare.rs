@@ -205,9 +205,8 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     if let Some(task) = &arguments.views.task {
         return compare_task::compare(arguments, task);
     }
-    let instances = instances(arguments)?;
-    let maps = arguments.map.iter().filter(|map| map.is_file());
-    let hidden = arguments.scen.iter().chain(maps).cloned().collect();
+    let (instances, maps) = instances(arguments)?;
+    let hidden = arguments.scen.iter().cloned().chain(maps).collect();
     let host = host(&arguments.budget, None, hidden)?;
     let (planners, suite) = arguments.parts(&host)?;
     let mut experiment =
@@ -241,6 +240,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         let texts: Vec<&str> = texts.into_iter().map(String::as_str).collect();
         (!texts.is_empty()).then(|| texts.join(", "))
     };
+    let contended: usize = lines.iter().map(|line| line.contended).sum();
     let unranked = each(|line| &line.unranked);
     let watched = each(|line| &line.limits_watched);
     match arguments.format {
@@ -262,6 +262,13 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         output::note(&format!(
             "this machine only watches limits, and does not enforce them: {limits}; \
              `fleetyard doctor` says why"
+        ));
+    }
+    if contended > 0 {
+        output::note(&format!(
+            "others used the machine in {contended} trials, whose times cannot be compared; end what \
+             else computes here and compare again, or let `fleetyard bench --retry-contended 3` make \
+             such trials again"
         ));
     }
     Ok(if solved_all {
@@ -317,8 +324,8 @@ pub(super) fn trials(
     Ok((rows, records))
 }
 
-/// Every instance, scenario by scenario.
-fn instances(arguments: &Compare) -> Result<Vec<SuiteInstance>> {
+/// Every instance, scenario by scenario, and the files of their maps.
+fn instances(arguments: &Compare) -> Result<(Vec<SuiteInstance>, Vec<PathBuf>)> {
     let mut grids: BTreeMap<PathBuf, Arc<Grid>> = BTreeMap::new();
     let mut instances = Vec::new();
     for file in &arguments.scen {
@@ -341,7 +348,7 @@ fn instances(arguments: &Compare) -> Result<Vec<SuiteInstance>> {
             instances.push(SuiteInstance::of_file(file, instance));
         }
     }
-    Ok(instances)
+    Ok((instances, grids.into_keys().collect()))
 }
 
 /// A line for every map, team size and planner, in the order in which they were given.

@@ -52,13 +52,13 @@ pub(crate) struct Convert {
     #[arg(long, value_name = "FORMAT", value_parser = file_format)]
     to: Option<Format>,
     /// The map, where FROM has none
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Starts and goals, where FROM has none: a scenario, or another instance
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     scen: Option<PathBuf>,
     /// Number of agents to use, from the first [default: those of the plan, or all]
-    #[arg(long, value_name = "N")]
+    #[arg(long, short = 'n', value_name = "N")]
     agents: Option<usize>,
     /// Task file: FROM is a plan of a view of it and TO the same plan in its world, or FROM is a plan in
     /// its world and TO the same plan of a view

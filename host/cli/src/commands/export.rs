@@ -10,7 +10,7 @@ use fleetyard_core::write_all_atomically;
 
 use super::convert::{refuse_input, to_stdout};
 use super::report::load;
-use crate::args::word;
+use crate::args::{Written, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
@@ -32,19 +32,19 @@ pub(crate) struct StoreExport {
 #[group(required = true, multiple = true)]
 struct ExportFiles {
     /// Every column as CSV
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text))]
     csv: Option<PathBuf>,
     /// CSV with the columns of the maze paper first
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text))]
     maze_csv: Option<PathBuf>,
     /// A JSON object per trial and line
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::JsonLines.path(text))]
     jsonl: Option<PathBuf>,
     /// Apache Parquet
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Parquet.path(text))]
     parquet: Option<PathBuf>,
     /// The Markdown of `fleetyard report`
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Markdown.path(text))]
     markdown: Option<PathBuf>,
     /// A database for OMPL's Planner Arena
     #[arg(long, value_name = "FILE")]

@@ -29,7 +29,7 @@ use super::live::{Line, Live, Tee, say};
 use super::run::check_folder;
 use super::simulate::available_memory_bytes;
 use crate::args::{
-    DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, duration,
+    DisturbanceArgs, Format, GrantArgs, LIMITS, PluginArg, RECORDS, ROBOTS, Written, duration,
     duration_text, nodes, one_of, picture as picture_file, size, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
@@ -74,7 +74,7 @@ pub(crate) struct Fleet {
     #[arg(long, help_heading = RECORDS, value_name = "FILE")]
     resume: Option<PathBuf>,
     /// Write the trace to a file
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = |text: &str| Written::Trace.path(text))]
     trace: Option<PathBuf>,
     /// Ticks between the states in the trace; 0 records events only
     #[arg(long, help_heading = RECORDS, value_name = "N", default_value_t = TraceOptions::default().every,

@@ -28,7 +28,7 @@ pub(crate) enum Maps {
         /// Map file: MovingAI, fleetyard.grid/1 or LSMART
         map: PathBuf,
         /// Number of agents
-        #[arg(long, value_name = "N")]
+        #[arg(long, short = 'n', value_name = "N")]
         agents: u32,
         /// Seed of starts and goals
         #[arg(long, value_name = "N", default_value_t = 1)]

@@ -176,6 +176,20 @@ pub(crate) fn new(arguments: &New) -> Result<Exit> {
     Ok(Exit::Success)
 }
 
+/// Writes the Python package into a folder, for the plugins there.
+pub(crate) fn sdk(out: &Path) -> Result<Exit> {
+    let files = PYTHON_SDK.iter().map(|(name, text)| File {
+        path: (*name).to_owned(),
+        text: (*text).to_owned(),
+        about: "",
+        executable: false,
+    });
+    let folder = out.join("fleetyard");
+    write(&files.collect::<Vec<_>>(), out, &folder)?;
+    output::print(&folder.display().to_string())?;
+    Ok(Exit::Success)
+}
+
 impl Name {
     fn new(name: &str, lang: Lang) -> Result<Self> {
         const LONGEST: usize = 64;

@@ -1,6 +1,7 @@
 //! `fleetyard plugins list` and `info`: what is there, and what it can do.
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use clap::Subcommand;
 use fleetyard_abi::{Capability, Descriptor};
@@ -13,7 +14,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::check::{Check, check};
-use super::new::{New, new};
+use super::new::{New, new, sdk};
 use super::pin::{Pin, pin};
 use crate::args::{Format, TrustArgs};
 use crate::exit::{Exit, Failure, Result};
@@ -30,6 +31,11 @@ pub(crate) enum Plugins {
         format: Format,
     },
     New(New),
+    /// Write the Python SDK into the folder of plugins that import it
+    Sdk {
+        /// The folder
+        folder: PathBuf,
+    },
     Check(Box<Check>),
     /// Describe a plugin: what it can do and its options
     Info {
@@ -47,6 +53,7 @@ pub(crate) fn plugins(what: &Plugins) -> Result<Exit> {
     match what {
         Plugins::List { trust, format } => list(trust, *format),
         Plugins::New(arguments) => new(arguments),
+        Plugins::Sdk { folder } => sdk(folder),
         Plugins::Check(arguments) => check(arguments),
         Plugins::Info {
             plugin,

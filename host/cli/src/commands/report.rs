@@ -14,7 +14,7 @@ use fleetyard_bench::report::{Loaded, Report, Table, svg, two_runs};
 use fleetyard_core::{InputError, nearest, write_all_atomically};
 use serde_json::json;
 
-use crate::args::{Format, word};
+use crate::args::{Format, Written, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 
@@ -38,16 +38,16 @@ pub(crate) struct ReportArgs {
     #[arg(long, value_parser = word::<Order>())]
     rank: Option<Order>,
     /// Write a page with filters, tables and figures, which needs no other file
-    #[arg(long, value_name = "FILE", requires = "stores")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Html.path(text), requires = "stores")]
     html: Option<PathBuf>,
     /// Write Markdown with the same numbers
-    #[arg(long, value_name = "FILE", requires = "stores")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Markdown.path(text), requires = "stores")]
     markdown: Option<PathBuf>,
     /// Write the figures for papers, a file each, into this folder
     #[arg(long, value_name = "DIR", requires = "stores")]
     svg: Option<PathBuf>,
     /// Write all trials, the columns of the maze paper first
-    #[arg(long, value_name = "FILE", requires = "stores")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text), requires = "stores")]
     csv: Option<PathBuf>,
     #[command(flatten)]
     format: Format,

@@ -14,8 +14,8 @@ use fleetyard_check::PathRule;
 use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_core::{
-    GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, TrajectoryFile, load_map,
-    load_scen, save_annotations, save_roadmap_plan, save_trajectories,
+    GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, Scenario, TrajectoryFile,
+    load_map, load_scen, save_annotations, save_roadmap_plan, save_trajectories,
 };
 use fleetyard_runtime::{Attach, Follow, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Layers, Picture, World};
@@ -25,12 +25,13 @@ use serde::Serialize;
 use super::simulate::Sinks;
 use super::task::{ViewArgs, claimed};
 use crate::args::{
-    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, picture, word,
+    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, Written,
+    picture, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{draw, file_name};
 use crate::output;
-use crate::setup::{find_planner, host, sim_config};
+use crate::setup::{find_planner, host, map_of, sim_config};
 
 /// Run a planner on an instance under a budget and judge its plan.
 #[derive(Debug, Args)]
@@ -62,17 +63,17 @@ pub(crate) struct Run {
     #[command(flatten)]
     world: WorldArgs,
     /// Write the plan to a file
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = |text: &str| Written::Json.path(text))]
     plan_out: Option<PathBuf>,
     /// Encoding of paths in the plan file
     #[arg(long, help_heading = RECORDS, value_parser = word::<PathEncoding>(), default_value_t)]
     plan_encoding: PathEncoding,
     /// Write the execution's trace to a file (implies --execute)
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = |text: &str| Written::Trace.path(text))]
     trace_out: Option<PathBuf>,
     /// Ask the planner what it wants to show, such as constraints and conflicts, and write that to a
     /// file, fleetyard.annotations/1; --picture shows it
-    #[arg(long, help_heading = RECORDS, value_name = "FILE")]
+    #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = |text: &str| Written::Json.path(text))]
     annotations: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, help_heading = RECORDS, value_name = "FILE", value_parser = picture)]
@@ -91,12 +92,13 @@ pub(crate) struct Run {
 /// The instance that is asked.
 #[derive(Debug, Args)]
 struct InstanceArgs {
-    /// Map file: MovingAI, fleetyard.grid/1 or LSMART
-    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", group = "cells",
-          required_unless_present = "task")]
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART, or a folder with NAME.map [default: the folder of
+    /// the scenario]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "PATH")]
     map: Option<PathBuf>,
     /// MovingAI scenario file
-    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", required_unless_present = "task")]
+    #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", group = "cells",
+          required_unless_present = "task")]
     scen: Option<PathBuf>,
     /// Number of the scenario's entries or of the task's agents to use, from the first
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N", required_unless_present = "task")]
@@ -108,10 +110,17 @@ struct InstanceArgs {
     task: Option<PathBuf>,
 }
 
+/// A scenario, and the file of its map.
+struct Found {
+    scenario: Scenario,
+    map: PathBuf,
+}
+
 impl InstanceArgs {
     /// The instance; a step on the grid of a task takes `step_s` seconds, or what the view says.
     fn load(
         &self,
+        found: Option<Found>,
         view: &ViewArgs,
         step_s: Option<f64>,
         host: &Host,
@@ -135,12 +144,24 @@ impl InstanceArgs {
             })));
         }
         // The parser asks for them.
-        let (Some(map), Some(scen), Some(agents)) = (&self.map, &self.scen, self.agents) else {
+        let (Some(found), Some(agents)) = (found, self.agents) else {
             return Err(Failure::new(Exit::Usage, "neither a scenario nor a task"));
         };
-        let grid = Arc::new(load_map(map)?);
-        let instance = load_scen(scen)?.instance(grid, agents, view.grid.connectivity)?;
+        let grid = Arc::new(load_map(&found.map)?);
+        let instance = found
+            .scenario
+            .instance(grid, agents, view.grid.connectivity)?;
         Ok(Question::Grid(instance))
+    }
+
+    /// The scenario, and where its map is; nothing with a task.
+    fn find(&self) -> Result<Option<Found>> {
+        let Some(file) = &self.scen else {
+            return Ok(None);
+        };
+        let scenario = load_scen(file)?;
+        let map = map_of(&scenario, file, self.map.as_ref())?;
+        Ok(Some(Found { scenario, map }))
     }
 
     /// The file that says where agents start.
@@ -183,14 +204,21 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     ];
     let mut hidden: Vec<PathBuf> = outputs.into_iter().flatten().cloned().collect();
     let given = &arguments.instance;
-    let inputs = [&given.scen, &given.map, &given.task];
-    hidden.extend(inputs.into_iter().flatten().cloned());
+    let found = given.find()?;
+    hidden.extend(found.iter().map(|found| found.map.clone()));
+    hidden.extend([&given.scen, &given.task].into_iter().flatten().cloned());
     hidden.extend(arguments.view.files().cloned());
     let host = host(&arguments.budget, attach, hidden)?;
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)
         .with_options(GivenOptions::Texts(asked.options));
-    let asked_instance = given.load(&arguments.view, arguments.world.step, &host, &planner)?;
+    let asked_instance = given.load(
+        found,
+        &arguments.view,
+        arguments.world.step,
+        &host,
+        &planner,
+    )?;
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,
@@ -218,6 +246,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         ));
     }
     let outcome = trial.run(&mut sinks);
+    let refused = outcome.as_ref().ok().map(|outcome| &outcome.record);
+    let refused = refused.filter(|record| record.termination == Termination::Unsupported);
+    let others = refused.and_then(|record| trial.others(&record.planner.id).named());
     printer.map_or(Ok(()), Printer::finish)?;
     let outcome = outcome?;
     bar.finish_and_clear();
@@ -225,6 +256,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let plan = outcome.plan.as_ref();
     if let (Some(path), Some(plan)) = (&arguments.plan_out, plan) {
         save(&asked_instance, plan, arguments, record, path)?;
+        if let Some(reason) = not_a_solution(record) {
+            output::note(&format!("the plan in {} is {reason}", path.display()));
+        }
     }
     if let (Some(path), Some(annotations)) = (&arguments.annotations, &outcome.annotations) {
         save_annotations(annotations, path)?;
@@ -264,6 +298,9 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let ended = record.termination == Termination::Interrupted;
     if let Some(fault) = record.fault.as_ref().filter(|_| !ended) {
         output::error(&format!("planner `{}` {fault}", record.planner.id));
+        if let Some(others) = others {
+            output::hint(&format!("others that claim to: {others}"));
+        }
     } else if exit == Exit::NoPlan {
         output::error(&no_plan(record, arguments));
     }
@@ -337,7 +374,11 @@ fn save(
     record: &Record,
     path: &Path,
 ) -> Result<()> {
-    let planner = Some(format!("{} {}", record.planner.id, record.planner.version));
+    let author = format!("{} {}", record.planner.id, record.planner.version);
+    let planner = Some(match not_a_solution(record) {
+        Some(reason) => format!("{author}; {reason}"),
+        None => author,
+    });
     let grid = |instance: &GridInstance, cells: &GridPlan| {
         let mut file = PlanFile::new(instance, cells.trimmed());
         file.planner.clone_from(&planner);
@@ -376,6 +417,21 @@ fn save(
         }
     }
     Ok(())
+}
+
+/// That what a failed run left is no solution, with the reason and how far it came.
+fn not_a_solution(record: &Record) -> Option<String> {
+    let reason = record.failure()?;
+    let there = record
+        .metrics
+        .agents_at_goal
+        .map_or(String::new(), |there| {
+            format!(
+                ", {there} of {} agents at their goals",
+                record.instance.agents
+            )
+        });
+    Some(format!("not a solution: {reason}{there}"))
 }
 
 /// Draws the instance, and the plan as it is or as it lies in the world.

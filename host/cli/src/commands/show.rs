@@ -8,7 +8,7 @@ use fleetyard_sim::TraceSink;
 use fleetyard_sim::trace::{Header, TraceContents};
 use fleetyard_view::{Layers, Page, PageOptions, Recording, Still, World};
 
-use crate::args::not_negative;
+use crate::args::{Written, not_negative};
 use crate::exit::Result;
 use crate::files::{draw_png, draw_svg, file_name, not_drawn};
 
@@ -16,10 +16,10 @@ use crate::files::{draw_png, draw_svg, file_name, not_drawn};
 #[derive(Debug, Args)]
 pub(super) struct ShownArgs {
     /// Draw all ways and contacts, or a moment (--at), as SVG
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Svg.path(text), group = "targets")]
     svg: Option<PathBuf>,
     /// The same as PNG
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Png.path(text), group = "targets")]
     png: Option<PathBuf>,
     /// The moment to draw, in simulated seconds
     #[arg(long, value_name = "SECONDS", value_parser = |text: &str| not_negative(text, "time"))]
@@ -28,7 +28,7 @@ pub(super) struct ShownArgs {
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=16_384))]
     width: Option<u32>,
     /// Write an animated replay as one HTML page
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Html.path(text), group = "targets")]
     html: Option<PathBuf>,
     /// States per simulated second on the page
     #[arg(long, value_name = "HZ", default_value_t = PageOptions::default().rate_hz)]

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use super::task::{Report, TaskArgs};
 use crate::args::{
-    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, disturbance, file_format,
+    DisturbanceArgs, EXECUTION, Format, ROBOTS, WorldArgs, Written, disturbance, file_format,
     picture as picture_file, word,
 };
 use crate::exit::{Exit, Failure, Result};
@@ -37,7 +37,7 @@ use crate::setup::{bodies, check_rule, robots, sim_config};
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     /// Map file: MovingAI, fleetyard.grid/1 or LSMART; plans on grids need one
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     map: Option<PathBuf>,
     /// Workspace with obstacles in continuous space, a fleetyard.world/1 file
     #[arg(long = "world", value_name = "FILE")]
@@ -63,13 +63,13 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Write the trace to a file
-    #[arg(long, value_name = "FILE", alias = "trace-out")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Trace.path(text), alias = "trace-out")]
     trace: Option<PathBuf>,
     /// Ticks between the states in the trace; 0 records events only
     #[arg(long, value_name = "N", default_value_t = TraceOptions::default().every, requires = "trace")]
     trace_every: u32,
     /// Write contacts and arrivals to a file, one JSON object a line
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::JsonLines.path(text))]
     events: Option<PathBuf>,
     /// Draw map, paths, starts and goals to a file, SVG or PNG by its name
     #[arg(long, value_name = "FILE", value_parser = picture_file)]

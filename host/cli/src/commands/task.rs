@@ -44,11 +44,11 @@ pub(super) struct ViewArgs {
     pub(super) representation: Option<Representation>,
     /// View file that `fleetyard world grid` or `fleetyard world roadmap` wrote, in place of parameters
     #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
-          conflicts_with_all = ["representation", "connectivity", "BuilderArgs", "RoadmapSpecArgs", "roadmap_seed"])]
+          conflicts_with_all = ["connectivity", "BuilderArgs", "RoadmapSpecArgs", "roadmap_seed"])]
     view: Option<PathBuf>,
     /// Roadmap file in place of a roadmap that is made: starts and goals are at its vertices
     #[arg(long, help_heading = VIEW, value_name = "FILE", requires = "task",
-          conflicts_with_all = ["representation", "view", "connectivity", "BuilderArgs", "spacing", "roadmap_seed"])]
+          conflicts_with_all = ["view", "connectivity", "BuilderArgs", "spacing", "roadmap_seed"])]
     roadmap: Option<PathBuf>,
     #[command(flatten)]
     pub(super) grid: GridSpecArgs,
@@ -65,14 +65,26 @@ pub(super) struct ViewArgs {
 impl ViewArgs {
     /// The view that is asked for; of the kind `otherwise` where none is named.
     pub(super) fn choose(&self, otherwise: Representation) -> Result<Chosen> {
-        Ok(match (&self.view, &self.roadmap) {
+        let chosen = match (&self.view, &self.roadmap) {
             (Some(path), _) => Chosen::File(load_view(path)?),
             (None, Some(path)) => {
                 let given = Given::load(path.clone(), self.made.speed())?;
                 Chosen::Spec(ViewSpec::Given(given))
             }
             (None, None) => Chosen::Spec(self.spec(self.representation.unwrap_or(otherwise))),
-        })
+        };
+        let (is, argument) = (chosen.representation(), chosen.argument());
+        match self.representation.filter(|asked| *asked != is) {
+            None => Ok(chosen),
+            Some(asked) => {
+                let message = format!(
+                    "--representation {asked} asks for another view than {argument}, which is {}",
+                    place(is)
+                );
+                let hint = format!("leave out --representation or {argument}");
+                Err(Failure::new(Exit::Usage, message).hint(hint))
+            }
+        }
     }
 
     /// True if neither a kind nor a file is named.

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use super::convert::refuse_input;
 use super::show::{Shown, ShownArgs};
-use crate::args::{Format, not_negative};
+use crate::args::{Format, Written, not_negative};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{Unnamed, file_name, keep};
 use crate::output;
@@ -57,16 +57,16 @@ pub(crate) struct TraceExport {
     /// The trace
     file: PathBuf,
     /// Write states as CSV, a line for every body at every tick
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text), group = "targets")]
     csv: Option<PathBuf>,
     /// Write events as CSV
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text), group = "targets")]
     events: Option<PathBuf>,
     /// Write goals, calls and notices of a fleet as CSV
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text), group = "targets")]
     journal: Option<PathBuf>,
     /// Write everything as one JSON document
-    #[arg(long, value_name = "FILE", group = "targets")]
+    #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Json.path(text), group = "targets")]
     json: Option<PathBuf>,
     /// Leave out all states but those of every n-th tick, in CSV and JSON
     #[arg(long, value_name = "N", default_value_t = 1,

@@ -19,7 +19,7 @@ use super::verdict::{Unlisted, write_verdict};
 use crate::args::{Format, file_format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
-use crate::setup::check_rule;
+use crate::setup::{check_rule, map_of};
 
 /// Say whether a plan is valid, and what it costs.
 ///
@@ -29,21 +29,24 @@ use crate::setup::check_rule;
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("cells").multiple(true))]
 pub(crate) struct Validate {
-    /// Map file: MovingAI, fleetyard.grid/1 or LSMART
-    #[arg(long, value_name = "FILE", group = "cells",
-          required_unless_present_any = ["world", "task"])]
+    /// Map file: MovingAI, fleetyard.grid/1 or LSMART, or a folder with NAME.map [default: the folder of
+    /// the scenario]
+    #[arg(long, short, value_name = "PATH", group = "cells",
+          required_unless_present_any = ["scen", "world", "task"])]
     map: Option<PathBuf>,
     /// MovingAI scenario file, with starts and goals
     #[arg(
         long,
+        short,
         value_name = "FILE",
-        requires = "map",
+        group = "cells",
         required_unless_present_any = ["robots", "task"]
     )]
     scen: Option<PathBuf>,
     /// Number of the scenario's entries to use, from the first
     #[arg(
         long,
+        short = 'n',
         value_name = "N",
         requires = "scen",
         required_unless_present_any = ["robots", "task"]
@@ -117,11 +120,14 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         judgement.hint();
         return Ok(exit(judgement.is_valid()));
     }
-    let grid = arguments.map.as_deref().map(load_map).transpose()?;
-    let grid = grid.map(Arc::new);
+    let scenario = arguments.scen.as_deref().map(load_scen).transpose()?;
+    let map = match (&arguments.scen, &scenario) {
+        (Some(file), Some(scenario)) => Some(map_of(scenario, file, arguments.map.as_ref())?),
+        _ => arguments.map.clone(),
+    };
+    let grid = map.map(load_map).transpose()?.map(Arc::new);
     let size = grid.as_deref().map(grid_size);
     let plan = load_any_plan(&arguments.plan, arguments.from, size)?;
-    let scenario = arguments.scen.as_deref().map(load_scen).transpose()?;
     let instance = |agents| match (&scenario, &grid) {
         (Some(scenario), Some(grid)) => {
             let agents = arguments.agents.unwrap_or(agents);

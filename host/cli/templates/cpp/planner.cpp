@@ -10,6 +10,7 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,9 @@ public:
 
   void plan(const fleetyard::Instance &instance, const fleetyard::Budget &,
             const fleetyard::Sink &sink) override {
+    const auto starts = instance.starts();
+    if (std::set<Cell>(starts.begin(), starts.end()).size() < instance.agents())
+      throw fleetyard::Failure(fleetyard::Status::invalid_input, "two agents start in one cell");
     std::vector<std::size_t> order(instance.agents());
     std::iota(order.begin(), order.end(), 0);
     for (std::int64_t attempt = 0; attempt < attempts_; attempt++) {

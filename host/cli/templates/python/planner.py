@@ -30,6 +30,8 @@ class ExamplePlugin(fleetyard.Planner):
     }
 
     def plan(self, instance, budget, context):
+        if len(set(instance.starts)) < instance.agents:
+            raise fleetyard.InvalidInput("two agents start in one cell")
         order = list(range(instance.agents))
         for _ in range(self.options["attempts"]):
             paths = {}

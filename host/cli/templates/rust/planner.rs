@@ -3,7 +3,7 @@
 //! After Erdmann and Lozano-Perez, "On Multiple Moving Objects" (Algorithmica 1987). It
 //! is simple, and neither complete nor optimal. Put your own algorithm into `plan`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetyard_abi::sdk::{Failure, Options, Planner, Plugin, Sink, options_schema};
 use fleetyard_abi::{
@@ -88,6 +88,11 @@ impl Planner for Prioritized {
         _budget: &Budget,
         sink: &dyn Sink,
     ) -> Result<(), Failure> {
+        let starts: BTreeSet<u32> = instance.starts.iter().copied().collect();
+        if starts.len() < instance.agents() {
+            let reason = "two agents start in one cell";
+            return Err(Failure::new(Status::InvalidInput, reason));
+        }
         let mut order: Vec<usize> = (0..instance.agents()).collect();
         for _ in 0..self.options.attempts {
             let mut paths = BTreeMap::new();

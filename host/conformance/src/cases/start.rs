@@ -187,11 +187,7 @@ pub(crate) fn default_options(trial: &mut Trial<'_>) -> Step<()> {
 
 fn with_options(fault: Fault, options: &Map<String, Value>) -> Stop {
     let options = Value::Object(options.clone());
-    match Stop::from(fault) {
-        Stop::Failed(reason) => Stop::Failed(format!("with {options} it {reason}")),
-        Stop::Crashed(reason) => Stop::Crashed(format!("with {options} it {reason}")),
-        skipped @ Stop::Skipped(_) => skipped,
-    }
+    Stop::from(fault).told(|reason| format!("with {options} it {reason}"))
 }
 
 pub(crate) fn unknown_option(trial: &mut Trial<'_>) -> Step<()> {
@@ -199,7 +195,7 @@ pub(crate) fn unknown_option(trial: &mut Trial<'_>) -> Step<()> {
     let mut session = trial.open()?;
     let options = Map::from_iter([(NAME.to_owned(), json!(1))]);
     match trial.create_with(&mut session, &options) {
-        Ok(()) => trial.warn("accepts an option that it does not have: the host refuses it first"),
+        Ok(()) => trial.note("accepts an option that it does not have: the host refuses it first"),
         Err(Fault::Reported { .. }) => {}
         Err(fault) => return Err(with_options(fault, &options)),
     }
@@ -242,7 +238,7 @@ pub(crate) fn invalid_options(trial: &mut Trial<'_>) -> Step<()> {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
-        trial.warn(format!(
+        trial.note(format!(
             "accepts what its schema forbids: {first}{more}; the host refuses it first"
         ));
     }
@@ -285,12 +281,8 @@ pub(crate) fn ending(trial: &mut Trial<'_>) -> Step<()> {
     let taken = started.elapsed();
     trial.figure("ending_ms", milliseconds(taken));
     if let Some(fault) = closing.fault {
-        return Err(match Stop::from(fault) {
-            Stop::Crashed(reason) => Stop::Crashed(format!("after its last answer it {reason}")),
-            Stop::Failed(reason) | Stop::Skipped(reason) => {
-                Stop::Failed(format!("after its last answer it {reason}"))
-            }
-        });
+        let stop = Stop::from(fault);
+        return Err(stop.told(|reason| format!("after its last answer it {reason}")));
     }
     if taken >= trial.config().ending() {
         return Err(Stop::Failed(format!(

@@ -2,6 +2,7 @@
 
 use std::os::fd::AsRawFd;
 use std::path::Path;
+use std::time::Duration;
 
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -18,6 +19,26 @@ pub(crate) fn goes_first(file: &std::ffi::CStr) -> Result<(), Errno> {
     let flags = OFlags::WRONLY | OFlags::CLOEXEC;
     let file = rustix::fs::open(file, flags, Mode::empty())?;
     rustix::io::write(&file, GOES_FIRST).map(|_| ())
+}
+
+/// Attempts at a process or a thread that the machine has no room for, and the time between them.
+const ATTEMPTS: u32 = 10;
+const BETWEEN: Duration = Duration::from_millis(20);
+
+/// Makes a process or a thread, and again where the machine is `full` for a moment: limits of processes
+/// count those of everybody, who may end any time.
+pub(crate) fn patiently<T, E>(
+    mut make: impl FnMut() -> Result<T, E>,
+    full: impl Fn(&E) -> bool,
+) -> Result<T, E> {
+    let mut left = ATTEMPTS;
+    loop {
+        left -= 1;
+        match make() {
+            Err(error) if left > 0 && full(&error) => std::thread::sleep(BETWEEN),
+            made => return made,
+        }
+    }
 }
 
 /// Runs in the plugin's process before any of its code.

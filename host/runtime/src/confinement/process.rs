@@ -17,6 +17,7 @@ use rustix::pipe::fcntl_setpipe_size;
 use rustix::time::Timespec;
 
 use crate::Fault;
+use crate::confinement::child::patiently;
 use crate::confinement::control::{ARGUMENT, Message, Order, Report};
 use crate::confinement::sandbox::SandboxReport;
 use crate::confinement::sandbox::launch::Launch;
@@ -94,7 +95,11 @@ impl Process {
                 Ok(())
             });
         }
-        let mut supervisor = command.spawn().map_err(|error| spawn_fault(&error))?;
+        let spawned = patiently(
+            || command.spawn(),
+            |error| error.kind() == ErrorKind::WouldBlock,
+        );
+        let mut supervisor = spawned.map_err(|error| spawn_fault(&error))?;
         drop(theirs);
         let streams = (
             supervisor.stdin.take(),

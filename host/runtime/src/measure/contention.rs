@@ -142,6 +142,23 @@ pub enum Cause {
     Handover,
 }
 
+impl Cause {
+    /// Something that keeps it away from the next trial.
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::Steal => "use a machine that no other virtual machine shares",
+            Self::PressureCpu
+            | Self::Waited
+            | Self::BusyNeighbour
+            | Self::HostWaited
+            | Self::Handover => "end what else computes here",
+            Self::PressureMemory => "free memory",
+            Self::PressureIo => "wait until the disks are idle",
+            Self::Throttled => "let the processors cool, or raise their quota",
+        }
+    }
+}
+
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -1,13 +1,15 @@
 //! The runtime: starts plugins' files and opens sessions with them.
 
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use fleetyard_abi::sdk::Catalog;
 use fleetyard_abi::wire::{InitializeResult, PROTOCOL_VERSION};
-use fleetyard_abi::{c, monotonic_ns};
+use fleetyard_abi::{Descriptor, c, monotonic_ns};
+use fleetyard_core::quoted;
 
 use crate::confinement::process::Process;
 use crate::confinement::promises::Promises;
@@ -32,6 +34,8 @@ pub struct Runtime {
     executable: PathBuf,
     built_in: &'static [&'static c::PluginEntry],
     limits: Limits,
+    /// All plugins that there are, once somebody asked.
+    known: Arc<OnceLock<Vec<Descriptor>>>,
 }
 
 impl Runtime {
@@ -59,7 +63,13 @@ impl Runtime {
             executable,
             built_in,
             limits,
+            known: Arc::default(),
         })
+    }
+
+    /// All plugins that there are, looked for by the first who asks.
+    pub(crate) fn all_plugins(&self, look: impl FnOnce() -> Vec<Descriptor>) -> &[Descriptor] {
+        self.known.get_or_init(look)
     }
 
     /// The limits of every session.
@@ -323,6 +333,20 @@ fn contract(file: &PluginFile, abi_version: Option<[u16; 2]>) -> Contract {
     }
 }
 
+/// The way to the SDK for a program in Python that does not find it.
+fn lacks_sdk(last: &str, file: &PluginFile) -> Option<String> {
+    let folder = file.path()?.parent()?;
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    last.contains("No module named 'fleetyard'").then(|| {
+        let folder = quoted(&folder.display().to_string());
+        format!("the Python SDK is not beside it: `fleetyard plugins sdk {folder}` writes it there")
+    })
+}
+
 /// A program that dies at once has usually said why on standard error.
 fn explain_start(fault: Fault, file: &PluginFile, client: &Client, withheld: &[PathBuf]) -> Fault {
     let shown = file.path().map_or("the built-in plugins".into(), |path| {
@@ -349,7 +373,9 @@ fn explain_start(fault: Fault, file: &PluginFile, client: &Client, withheld: &[P
         },
         Fault::Exited { .. } | Fault::Crashed { .. } | Fault::TimedOut { .. } => Fault::Refused {
             reason: format!("{shown} is no plugin that speaks the protocol: it {fault}"),
-            hint: lacks.or((!last.is_empty()).then(|| format!("its last words were: {last}"))),
+            hint: lacks
+                .or_else(|| lacks_sdk(last, file))
+                .or((!last.is_empty()).then(|| format!("its last words were: {last}"))),
         },
         other => other,
     }

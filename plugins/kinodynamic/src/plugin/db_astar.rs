@@ -1,7 +1,7 @@
 //! The planner behind the plugin contract: id `db-astar`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Status};
+use fleetyard_abi::{Capability, Descriptor, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,7 @@ impl Method for Options {
          to the goal, and again with shorter primitives (db-A*: Hönig, Ortiz-Haro, Toussaint, IROS 2022). Discs and convex \
          polygons, cars and their trailers; obstacles may move.";
     const MORE_DYNAMICS: &'static [&'static str] = &CARS;
+    const MORE_FEATURES: &'static [&'static str] = &[Descriptor::ONE_AGENT];
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! Hybrid A* behind the plugin contract: id `hybrid-astar`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Status};
+use fleetyard_abi::{Capability, Descriptor, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,7 @@ impl Method for Hybrid {
     const ABOUT: &'static str = "Plans one robot among obstacles that stand: A* over poses of which one for each bin of place and \
          heading is kept, by arcs and turns that the robot can drive, and straight to the goal where nothing is in the way \
          (Dolgov, Thrun, Montemerlo, Diebel, IJRR 2010). Complete for its bins alone, and not optimal.";
+    const MORE_FEATURES: &'static [&'static str] = &[Descriptor::ONE_AGENT];
     const CAPABILITIES: &'static [Capability] = &[];
 
     fn check(&self) -> Result<(), String> {

@@ -1,7 +1,7 @@
 //! The planner behind the plugin contract: id `rrt-star`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Status};
+use fleetyard_abi::{Capability, Descriptor, Status};
 use fleetyard_plugin_plane::sssp::bodies::{Pose, wrapped};
 use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 
@@ -26,6 +26,7 @@ impl Method for Options {
     const ABOUT: &'static str = "Anytime: one robot, whose ways from rest to rest are a random tree that is rewired \
          where that is faster (RRT*: Karaman, Frazzoli, IJRR 2011), with samples where a faster way may lead \
          (Informed RRT*: Gammell, Srinivasa, Barfoot, IROS 2014). Discs and convex polygons; teams are for sssp.";
+    const MORE_FEATURES: &'static [&'static str] = &[Descriptor::ONE_AGENT];
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! The planner behind the plugin contract: id `sst`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Status};
+use fleetyard_abi::{Capability, Descriptor, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, ROOM_LIMIT, half_of_memory};
 
 use super::rrt_star::{alone, submitted};
@@ -27,6 +27,7 @@ impl Method for Options {
     const ABOUT: &'static str = "Anytime: one robot of any dynamics, driven by random controls, of which the fastest to \
          each neighbourhood are kept, and neighbourhoods shrink (SST, SST*: Li, Littlefield, Bekris, IJRR 2016). \
          New states are led to the goal exactly where nothing is in the way. Keeps clear of movers.";
+    const MORE_FEATURES: &'static [&'static str] = &[Descriptor::ONE_AGENT];
     const CAPABILITIES: &'static [Capability] = &[Capability::Anytime];
 
     fn clearance_m(&self) -> f64 {

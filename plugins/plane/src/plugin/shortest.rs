@@ -1,7 +1,7 @@
 //! The planner of shortest paths behind the plugin contract: id `tangent`.
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Capability, Status};
+use fleetyard_abi::{Capability, Descriptor, Status};
 use fleetyard_plugin_spacetime::plugin::{Call, NODE_LIMIT};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,7 @@ impl Method for Shortest {
     const ABOUT: &'static str = "Plans one robot in the plane, as a disc: the shortest path among polygons, which is made of \
          tangents of circles round corners and arcs between them (Liu, Arimoto, IJRR 1992). Tangents are \
          made and tested as they are needed. Complete and optimal for discs; teams are for si-tangent.";
+    const MORE_FEATURES: &'static [&'static str] = &[Descriptor::ONE_AGENT];
     const CAPABILITIES: &'static [Capability] = &[];
 
     fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {

@@ -3,7 +3,6 @@
 use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
 
-use fleetyard_abi::leftovers::Leftover;
 use super::clash::{Clash, weighed};
 use super::constraint::{Bans, Constraint, MOST_LANDMARKS, Place};
 use super::cover::cover;
@@ -13,6 +12,7 @@ use super::path::{Single, Track};
 use super::queue::{Queue, Rank};
 use super::{Branching, End, Settings, Team};
 use crate::roadmap::Roadmap;
+use fleetyard_abi::leftovers::Leftover;
 
 /// The parent of the root.
 const ROOT: u32 = u32::MAX;

@@ -38,6 +38,7 @@ use places::{
     LOOKED_AT, closed_below, home, is_executable, is_open, is_open_from, is_too_wide, with_target,
 };
 pub(crate) use places::{aside, own};
+pub use programs::out_of_reach;
 pub(crate) use programs::{Interpreter, Python, find_program, python};
 use programs::{
     SEARCH_PATH, SOFTWARE, USER_BASE, base, host_path, interpreter, is_on_search_path, is_python,
@@ -249,7 +250,7 @@ impl Grants {
     /// Paths that are granted for the plugin's sake alone: not to everybody by the system or by a
     /// variable of the host.
     pub(crate) fn for_the_plugin(&self) -> Vec<PathBuf> {
-        let to_all: Vec<PathBuf> = software()
+        let to_all: Vec<PathBuf> = software(&[])
             .iter()
             .flat_map(|path| with_target(path))
             .collect();
@@ -345,7 +346,7 @@ impl Gathered {
         for path in &policy.read {
             gathered.of_the_host(path);
         }
-        for folder in software() {
+        for folder in software(&policy.env) {
             gathered.of_the_host(&folder);
         }
         if let Some(file) = target.file() {

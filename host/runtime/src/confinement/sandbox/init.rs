@@ -3,6 +3,7 @@
 
 use std::ffi::OsString;
 use std::fs;
+use std::io::ErrorKind;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ use super::packets::{Ended, Packet, send};
 use super::refusal::as_errno;
 use super::root::{INSIDE_USER, OF_KERNEL, OF_MACHINE, Root, Trees};
 use super::{Layer, Level, Refusal, attempts};
-use crate::confinement::child;
+use crate::confinement::child::{self, patiently};
 use crate::confinement::process_tree::kill_descendants;
 use crate::confinement::state;
 use crate::confinement::target::Target;
@@ -159,12 +160,15 @@ fn start_plugin(
     if unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1) } != 0 {
         inside.give_up("orphans cannot be found", &std::io::Error::last_os_error());
     }
-    // SAFETY: this process has one thread, so the copy may do anything.
-    match unsafe { libc::fork() } {
-        -1 => inside.give_up(
-            "making the plugin's process",
-            &std::io::Error::last_os_error(),
-        ),
+    let fork = || {
+        // SAFETY: this process has one thread, so the copy may do anything.
+        match unsafe { libc::fork() } {
+            -1 => Err(std::io::Error::last_os_error()),
+            child => Ok(child),
+        }
+    };
+    let forked = patiently(fork, |error| error.kind() == ErrorKind::WouldBlock);
+    match forked.unwrap_or_else(|error| inside.give_up("making the plugin's process", &error)) {
         0 => plugin(inside, scratch, become_plugin),
         child => {
             child::release_stdio();
@@ -230,6 +234,13 @@ fn plugin(
     }
     if !wait_at(inside.gate) {
         inside.give_up("waiting for the supervisor", &"it does not answer");
+    }
+    // While it is known that none of its code has run: a machine that has no thread to give is not
+    // the plugin's fault.
+    let thread = || std::thread::Builder::new().stack_size(1 << 16).spawn(|| ());
+    match patiently(thread, |error| error.kind() == ErrorKind::WouldBlock) {
+        Ok(thread) => drop(thread.join()),
+        Err(error) => inside.give_up("making a thread for the plugin", &error),
     }
     let mut env = grants.env.clone();
     env.insert(state::RUN.into(), OsString::from(&launch.run));

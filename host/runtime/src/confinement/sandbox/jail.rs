@@ -37,7 +37,7 @@ use super::{
     Backend, Keeper, Layer, LayerState, Level, LimitState, Refusal, Remark, SandboxReport, bwrap,
 };
 use crate::confinement::cgroup::{Cgroup, Places};
-use crate::confinement::child::{GOES_FIRST, goes_first};
+use crate::confinement::child::{GOES_FIRST, goes_first, patiently};
 use crate::confinement::process_tree::View;
 use crate::confinement::remove::remove_tree;
 use crate::usage::Limit;
@@ -403,7 +403,7 @@ impl Attempt<'_> {
         become_plugin: &dyn Fn() -> std::convert::Infallible,
     ) -> Tried {
         let root = is_root();
-        let hopeless = |error: Errno| Tried::Hopeless(error.to_string());
+        let hopeless = |what: &str, error: Errno| Tried::Hopeless(format!("{what}: {error}"));
         if root && self.wants(Layer::OwnUser) {
             if self.wants(Layer::MountNamespace) && self.trees.is_empty() {
                 self.trees = take_as_root(&self.launch.grants, own_user);
@@ -419,11 +419,11 @@ impl Attempt<'_> {
         );
         let (link, theirs) = match pair {
             Ok(pair) => pair,
-            Err(error) => return hopeless(error),
+            Err(error) => return hopeless("making a socket", error),
         };
         let (gate, opener) = match pipe_with(PipeFlags::CLOEXEC) {
             Ok(pair) => pair,
-            Err(error) => return hopeless(error),
+            Err(error) => return hopeless("making a pipe", error),
         };
         let inside = Inside {
             launch: self.launch,
@@ -438,7 +438,11 @@ impl Attempt<'_> {
             let child = bwrap::spawn(self.launch, &self.wanted, &theirs, &gate);
             child.map(|child| (child, false))
         } else {
-            match copy_process(self.flags(), cgroup.as_ref()) {
+            let copied = patiently(
+                || copy_process(self.flags(), cgroup.as_ref()),
+                |error| *error == Errno::AGAIN,
+            );
+            match copied {
                 Ok((0, _)) => {
                     drop((link, opener));
                     inside.run(Some(&self.trees), become_plugin)
@@ -453,7 +457,10 @@ impl Attempt<'_> {
         };
         let (child, grouped) = match child {
             Ok(child) => child,
-            Err(errno) if self.flags() == 0 => return hopeless(errno),
+            // Too many processes: no layer was refused, and none is left out for it.
+            Err(errno) if self.flags() == 0 || errno == Errno::AGAIN => {
+                return hopeless("making a process", errno);
+            }
             Err(errno) => return self.refuse_namespaces(layer, errno),
         };
         drop((theirs, gate));

@@ -30,6 +30,7 @@ mod syscalls;
 pub(crate) use attempts::Targets;
 pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
+pub use grants::out_of_reach;
 pub(crate) use grants::{Declared, Grants, Hidden, Python, aside, find_program, own, python};
 pub use policy::Policy;
 use refusal::{Refusal, Remark};

@@ -104,12 +104,47 @@ pub(super) fn user_sites() -> Vec<PathBuf> {
     sites.map(|entry| entry.path()).collect()
 }
 
-/// Folders that the host's variables name which say where software is.
-pub(super) fn software() -> Vec<PathBuf> {
-    let values = SOFTWARE.iter().filter_map(std::env::var_os);
+/// Folders that variables name which say where software is: the host's, and those that its user `gives`
+/// to the plugin in their place.
+pub(super) fn software(gives: &[(String, String)]) -> Vec<PathBuf> {
+    let value = |name: &str| {
+        let given = gives.iter().rev().find(|(given, _)| given == name);
+        match given {
+            Some((_, value)) => Some(value.into()),
+            None => std::env::var_os(name),
+        }
+    };
+    let values = SOFTWARE.into_iter().filter_map(value);
     let folders = values.flat_map(|value| std::env::split_paths(&value).collect::<Vec<_>>());
+    folders.filter(|folder| is_granted(folder)).collect()
+}
+
+/// True if a folder that a variable names may be read for that.
+fn is_granted(folder: &Path) -> bool {
+    folder.is_absolute() && !is_too_wide(folder)
+}
+
+/// The folders of a variable that says where software is that a plugin cannot read, each with the
+/// reason; none of another variable.
+pub fn out_of_reach(name: &str, value: &str) -> Vec<(PathBuf, &'static str)> {
+    if !SOFTWARE.contains(&name) {
+        return Vec::new();
+    }
+    let folders = std::env::split_paths(value).filter(|folder| !folder.as_os_str().is_empty());
     folders
-        .filter(|folder| folder.is_absolute() && !is_too_wide(folder))
+        .filter_map(|folder| {
+            let reason = if !folder.is_absolute() {
+                "is relative, and a plugin runs in a scratch folder: write it from / on"
+            } else if !folder.exists() {
+                "does not exist"
+            } else if !is_granted(&folder) {
+                "holds more than software, and the sandbox hides it: name the folder of the modules, or \
+                 grant it by --allow-read"
+            } else {
+                return None;
+            };
+            Some((folder, reason))
+        })
         .collect()
 }
 

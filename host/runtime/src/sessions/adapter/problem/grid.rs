@@ -13,7 +13,9 @@ use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write
 
 use super::super::input::{Agents, GridInput, Letters, MAP_NAME, Order, SCEN_NAME};
 use super::super::manifest::Manifest;
-use super::terms::{File, Problem, check_places, invalid, seed31, told, twice, unsupported};
+use super::terms::{
+    File, Problem, check_places, elsewhere, invalid, seed31, told, twice, unsupported,
+};
 
 /// A map with unit steps.
 pub(super) struct OnGrid {
@@ -28,12 +30,13 @@ impl OnGrid {
         input: GridInput,
         environment: &SharedEnvironment,
     ) -> Result<(Self, Vec<File>), Failure> {
-        let Some(grid) = environment.grid().filter(|grid| grid.is_plain()) else {
-            return Err(unsupported(
-                manifest,
-                "plans on grids without one-way moves",
-            ));
+        let Some(grid) = environment.grid() else {
+            return Err(elsewhere(manifest, "plans on grids", environment));
         };
+        if !grid.is_plain() {
+            let what = "plans on grids without one-way moves";
+            return Err(unsupported(manifest, what));
+        }
         if grid.connectivity != 4 && !manifest.capabilities.has(Capability::EightConnected) {
             return Err(unsupported(manifest, "plans on four-connected grids"));
         }

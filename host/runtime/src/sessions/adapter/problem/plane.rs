@@ -12,7 +12,7 @@ use fleetyard_core::{InputError, MotionFile, read_motions};
 
 use super::super::input::{Limits, PROBLEM_NAME, ProblemInput, RobotType, Size};
 use super::super::manifest::{Manifest, Written};
-use super::terms::{File, Problem, check_places, invalid, unsupported};
+use super::terms::{File, Problem, check_places, elsewhere, invalid, unsupported};
 
 /// Lower left and upper right corner of a box along the axes.
 type Corners = [[f64; 2]; 2];
@@ -36,7 +36,7 @@ impl InPlane {
         environment: &SharedEnvironment,
     ) -> Result<Self, Failure> {
         let Some(workspace) = environment.workspace() else {
-            return Err(unsupported(manifest, "plans in the plane"));
+            return Err(elsewhere(manifest, "plans in the plane", environment));
         };
         if !workspace.movers.is_empty() {
             return Err(unsupported(manifest, "knows no moving obstacles"));

@@ -21,7 +21,7 @@ use super::super::input::{
     PROBLEM_NAME, ROADMAP_NAME, RoadmapFiles, RoadmapInput, TASK_NAME, Unit,
 };
 use super::super::manifest::{Manifest, Written};
-use super::terms::{File, Problem, check_places, invalid, twice, unsupported};
+use super::terms::{File, Problem, check_places, elsewhere, invalid, twice, unsupported};
 
 /// Distance from a vertex, in units of the solver, at which an answer is at it: many programs write six
 /// decimals.
@@ -48,7 +48,7 @@ impl OnRoadmap {
         environment: &SharedEnvironment,
     ) -> Result<(Self, Vec<File>), Failure> {
         let Some(given) = environment.roadmap() else {
-            return Err(unsupported(manifest, "plans on roadmaps"));
+            return Err(elsewhere(manifest, "plans on roadmaps", environment));
         };
         if let Some(edge) = uneven(given) {
             let what = format!("drives every edge straight and at one speed, unlike edge {edge}");

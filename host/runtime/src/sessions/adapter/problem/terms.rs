@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fleetyard_abi::sdk::Failure;
-use fleetyard_abi::{Environment, Instance, Plan, Status};
+use fleetyard_abi::{Capability, Environment, Instance, Plan, Status};
 use fleetyard_core::InputError;
 
 use crate::sessions::adapter::manifest::Manifest;
@@ -45,6 +45,16 @@ pub(crate) trait Problem: Send {
 /// The answer of a planner that is not made for such problems.
 pub(crate) fn unsupported(manifest: &Manifest, what: &str) -> Failure {
     Failure::new(Status::Unsupported, format!("{} {what}", manifest.head.id))
+}
+
+/// The answer to a map of another representation than the solver's, with its name.
+pub(crate) fn elsewhere(manifest: &Manifest, what: &str, environment: &Environment) -> Failure {
+    let other = environment
+        .needs()
+        .iter()
+        .next()
+        .map_or("", Capability::as_str);
+    unsupported(manifest, &format!("{what}, not on `{other}`"))
 }
 
 pub(crate) fn invalid(reason: impl Into<String>) -> Failure {
