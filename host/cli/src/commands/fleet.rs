@@ -975,7 +975,7 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
             ));
             output::hint(&format!(
                 "`--limit {}` would have sufficed for 95 % of them",
-                seconds_text(late.limit_s)
+                seconds_text(late.limit_s).replace(' ', "")
             ));
         }
         if let Some(decay) = &outcome.metrics.decay {

@@ -5,7 +5,6 @@ mod conflict;
 mod example;
 mod fleet;
 mod kinodynamic;
-mod limits;
 mod mapf;
 mod neighborhood;
 mod plane;
