@@ -141,6 +141,14 @@ const WRONG: &[(&str, &str, &[&str])] = &[
         &["there is no planner `LaCAM`", "hint: did you mean `lacam`?"],
     ),
     (
+        "planners in a list",
+        "run --map good.map --scen good.scen --agents 2 --planner lacam,pibt",
+        &[
+            "there is no planner `lacam,pibt`",
+            "hint: one name at a time",
+        ],
+    ),
+    (
         "unknown planner",
         "run --map good.map --scen good.scen --agents 2 --planner simulated-annealing",
         &[

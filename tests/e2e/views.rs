@@ -808,6 +808,18 @@ fn a_table_compares_planners_on_a_roadmap_that_is_given() {
         ["lanes.roadmap.json", "roadmap-pp", 6.0, true]
     ]);
     assert_eq!(Value::from(rows), wanted);
+    // Who also says that it is one says nothing else.
+    let run = "run --task hall.task.json --roadmap lanes.roadmap.json -p roadmap-pp";
+    yard.line(&format!("{run} --representation roadmap"))
+        .expect(SUCCESS);
+    let other = yard.line(&format!("{run} --representation grid"));
+    let other = other.expect(USAGE).stderr;
+    assert!(
+        other.contains(
+            "--representation grid asks for another view than --roadmap, which is on a roadmap"
+        ),
+        "{other}"
+    );
     let off = json!({"format": "fleetyard.roadmap/1", "directed": false, "vertices": [[0.5, 0.5], [3, 0.5]], "edges": [[0, 1]]});
     yard.write("lanes.roadmap.json", off.to_string());
     let refused = yard.line(&format!("{compare} -p roadmap-pp")).expect(INPUT);

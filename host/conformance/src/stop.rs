@@ -54,3 +54,29 @@ impl From<InputError> for Stop {
         Self::Failed(format!("the kit could not make its instance: {error}"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_of_the_host_is_no_outcome_of_the_plugin() {
+        let fault = Fault::Host {
+            reason: "making a process: Resource temporarily unavailable (os error 11)".into(),
+        };
+        let hint = fault.hint().unwrap_or_default().to_owned();
+        assert!(hint.contains("ulimit -u"), "{hint}");
+        let stop = Stop::from(fault.clone()).told(|reason| format!("with options it {reason}"));
+        assert_eq!(stop.parts(), Err(fault));
+        let crash = Fault::Exited {
+            code: 3,
+            during: "plan".into(),
+        };
+        let (outcome, reason) = Stop::from(crash)
+            .told(|reason| format!("it {reason}"))
+            .parts()
+            .unwrap();
+        assert_eq!(outcome, Outcome::Crashed);
+        assert!(reason.starts_with("it exited with code 3"), "{reason}");
+    }
+}

@@ -140,7 +140,7 @@ fn read_error(path: &Path, error: &io::Error) -> InputError {
 }
 
 /// A hint for a user who named a missing file: names that are similar.
-fn missing_hint(path: &Path) -> Option<String> {
+pub fn missing_hint(path: &Path) -> Option<String> {
     /// Folders with more entries are not searched to the end.
     const LISTED: usize = 10_000;
     let folder = folder_of(path);

@@ -40,7 +40,7 @@ pub use annotation_file::{
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest};
 pub use files::{
-    create_output, is_unseen, load_file, open_input, open_regular, read_file, shown,
+    create_output, is_unseen, load_file, missing_hint, open_input, open_regular, read_file, shown,
     write_all_atomically, write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};

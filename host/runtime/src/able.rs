@@ -43,10 +43,11 @@ impl fmt::Display for Able {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.named() {
             Some(named) => write!(f, "{} that do: {named}", plural(self.kind)),
-            None => {
-                let kind = self.kind.as_str().replace('-', " ");
-                write!(f, "no installed {kind} does")
-            }
+            None => write!(
+                f,
+                "no installed {} does",
+                self.kind.as_str().replace('-', " ")
+            ),
         }
     }
 }
@@ -75,5 +76,22 @@ impl Runtime {
             kind,
             ids: fitting.map(|plugin| plugin.id.clone()).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hint_names_a_dozen_and_says_where_there_is_none() {
+        let able = |count: usize| Able {
+            kind: Kind::FailPolicy,
+            ids: (0..count).map(|number| format!("p{number}")).collect(),
+        };
+        assert_eq!(able(0).to_string(), "no installed fail policy does");
+        assert_eq!(able(2).to_string(), "fail policies that do: p0, p1");
+        assert!(able(15).to_string().ends_with("p11 and 3 more"));
+        assert_eq!(able(0).named(), None);
     }
 }

@@ -209,7 +209,13 @@ fn unknown(all: &[Discovered], kind: Option<Kind>, name: &str) -> Fault {
     // Identifiers have small letters, and papers have others: `LaCAM`.
     let small = name.to_ascii_lowercase();
     let mut hint = match nearest(&small, known.iter(), 2) {
+        _ if Path::new(name).is_dir() => {
+            format!("{name} is a folder here: name the plugin in it, as in ./{name}/FILE")
+        }
         Some(candidate) => format!("did you mean `{candidate}`?"),
+        None if name.contains(',') => {
+            "one name at a time: `fleetyard compare` has a --planner for each".to_owned()
+        }
         None => format!(
             "known: {}; or name a file, as in ./{name}",
             known.join(", ")

@@ -1,11 +1,11 @@
 //! A file that has plugins, and the plugins of a folder.
 
 use std::fs;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use fleetyard_core::{open_regular, words};
+use fleetyard_core::{missing_hint, open_regular, words};
 
 use crate::Fault;
 
@@ -79,7 +79,11 @@ impl PluginFile {
         };
         let meta = fs::metadata(path).map_err(|error| Fault::File {
             reason: format!("{shown}: {error}"),
-            hint: Some("a plugin is a shared library, a program or a planner.toml".into()),
+            hint: missing_hint(path)
+                .filter(|_| error.kind() == ErrorKind::NotFound)
+                .or_else(|| {
+                    Some("a plugin is a shared library, a program or a planner.toml".into())
+                }),
         })?;
         if meta.is_dir() {
             return Self::in_folder(path);

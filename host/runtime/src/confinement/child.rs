@@ -82,3 +82,26 @@ pub(crate) fn release_stdio() {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_that_is_full_for_a_moment_is_asked_again() {
+        let tried = |fails: u32, full: bool| {
+            let mut made = 0;
+            let result = patiently(
+                || {
+                    made += 1;
+                    if made > fails { Ok(made) } else { Err(full) }
+                },
+                |full| *full,
+            );
+            (result, made)
+        };
+        assert_eq!(tried(2, true), (Ok(3), 3));
+        assert_eq!(tried(1, false), (Err(false), 1));
+        assert_eq!(tried(ATTEMPTS, true), (Err(true), ATTEMPTS));
+    }
+}

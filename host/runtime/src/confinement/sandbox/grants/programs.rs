@@ -226,6 +226,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn folders_of_a_given_variable_are_granted_or_named_with_the_reason() {
+        let here = env!("CARGO_MANIFEST_DIR");
+        let given = |value: &str| vec![("PYTHONPATH".to_owned(), value.to_owned())];
+        assert!(software(&given(here)).contains(&PathBuf::from(here)));
+        assert!(!software(&given("/home")).contains(&PathBuf::from("/home")));
+        let reason = |name: &str, value: &str| {
+            let found = out_of_reach(name, value);
+            found.first().map_or("", |(_, reason)| *reason)
+        };
+        assert_eq!(reason("PYTHONPATH", here), "");
+        assert!(reason("PYTHONPATH", "abi/python").contains("relative"));
+        assert!(reason("PYTHONPATH", "/no/such/folder").contains("does not exist"));
+        assert!(reason("LD_LIBRARY_PATH", "/usr/lib:/tmp").contains("--allow-read"));
+        assert_eq!(reason("PYTHONOPTIMIZE", "relative"), "");
+    }
+
+    #[test]
     fn interpreters_are_known_by_name() {
         for (name, expected) in [
             ("python", true),
