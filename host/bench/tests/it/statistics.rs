@@ -272,7 +272,8 @@ fn sign_flips_give_exact_values() {
         (65, 130),
         (1, 139),
     ] {
-        let small = |at: usize| (1.0 + (at % 5) as f64) * if at % 2 == 0 { 1e-3 } else { -1e-3 };
+        let small =
+            |at: usize| (1.0 + (at % 5) as f64) * if at.is_multiple_of(2) { 1e-3 } else { -1e-3 };
         let mut values: Vec<f64> = (0..140).map(small).collect();
         (values[one], values[other]) = (100.0, 100.0);
         let found = p(&values).unwrap();
