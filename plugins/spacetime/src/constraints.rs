@@ -229,7 +229,7 @@ mod tests {
                         let wanted = is_forbidden(&all, from, to, time);
                         prop_assert_eq!(table.forbids(from, to, time), wanted);
                         let later = is_forbidden(&all, from, to, time + 1);
-                        last = last.max(if wanted != later { time } else { 0 });
+                        last = last.max(if wanted == later { 0 } else { time });
                     }
                     for until in time..=late {
                         let staying = (time..=until).any(|at| is_forbidden(&all, to, to, at));

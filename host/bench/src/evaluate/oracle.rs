@@ -54,7 +54,7 @@ fn trial(
     let time = (1 + random.below(40 + 10 * planner as usize)) as f64 * 0.5;
     let way = random.below(3);
     let mut incumbents = Vec::new();
-    if planner % 2 == 0 && sends {
+    if planner.is_multiple_of(2) && sends {
         for (at, more) in [40, 20, 10].into_iter().enumerate() {
             incumbents.push(Incumbent {
                 time_ms: time * (at + 1) as f64 * 5.0,
@@ -129,12 +129,12 @@ impl Asked<'_> {
     }
 
     /// The median of all repeats, if all have one.
-    fn any(&self, of: fn(&Row) -> Option<f64>) -> Option<f64> {
+    fn any(&self, of: Read) -> Option<f64> {
         let values: Option<Vec<f64>> = self.rows.iter().map(|row| of(row)).collect();
         Some(median(values?))
     }
 
-    fn value(&self, of: fn(&Row) -> Option<f64>) -> Option<f64> {
+    fn value(&self, of: Read) -> Option<f64> {
         if self.solved() { self.any(of) } else { None }
     }
 
@@ -154,8 +154,10 @@ impl Asked<'_> {
     }
 }
 
+type Read = fn(&Row) -> Option<f64>;
+
 fn time(row: &Row) -> Option<f64> {
-    Some(row.solve_time_ms)
+    Some(row.solve_time_ms).filter(|time| time.is_finite())
 }
 
 fn cost(row: &Row) -> Option<f64> {
@@ -305,7 +307,7 @@ impl<'a> Told<'a> {
     }
 
     /// Mean of values over the instances that all solved.
-    fn over_shared(&self, planner: &str, of: fn(&Row) -> Option<f64>) -> Option<f64> {
+    fn over_shared(&self, planner: &str, of: Read) -> Option<f64> {
         let cases = self.of_planner(planner).into_iter();
         let shared = cases.filter(|case| self.shared.contains(case.instance));
         mean(shared.filter_map(|case| case.value(of)))
@@ -450,7 +452,7 @@ fn overviews_and_summaries_are_what_rows_say() {
                 summary.mean_time_of_all_ms,
                 mean(own.iter().filter_map(|case| case.any(time))),
             );
-            let columns: [(&str, fn(&Row) -> Option<f64>); 4] = [
+            let columns: [(&str, Read); 4] = [
                 ("solve_time_ms", time),
                 ("soc_steps", cost),
                 ("path_length_cells", length),

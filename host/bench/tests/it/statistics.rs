@@ -261,6 +261,11 @@ fn sign_flips_give_exact_values() {
     assert!((found - wanted).abs() < 0.01, "{found} is not {wanted}");
     let all: Vec<f64> = (0..40).map(|at| 1.0 + f64::from(at)).collect();
     assert!(p(&all).unwrap() > 0.0 && p(&all).unwrap() < 1e-4);
+    // No flip is nearer to zero than zero.
+    let even: Vec<f64> = (1..=12)
+        .flat_map(|at| [f64::from(at), -f64::from(at)])
+        .collect();
+    assert_eq!(p(&even), Some(1.0));
     // Every sign is drawn by itself: two that outweigh all others are alike in a half of the draws, and
     // the others add to them in a half of these.
     for (one, other) in [
@@ -272,7 +277,8 @@ fn sign_flips_give_exact_values() {
         (65, 130),
         (1, 139),
     ] {
-        let small = |at: usize| (1.0 + (at % 5) as f64) * if at % 2 == 0 { 1e-3 } else { -1e-3 };
+        let small =
+            |at: usize| (1.0 + (at % 5) as f64) * if at.is_multiple_of(2) { 1e-3 } else { -1e-3 };
         let mut values: Vec<f64> = (0..140).map(small).collect();
         (values[one], values[other]) = (100.0, 100.0);
         let found = p(&values).unwrap();

@@ -95,6 +95,18 @@ fn what_a_line_may_cut() {
             ["agent 0 crosses an obstacle at (0, 2) on its way from (0, 0) to (0, 4)"]
         );
     }
+    // Along a column as along a row: no corner is touched, and the end is told once.
+    let column = ["...", "@..", "..."];
+    for rule in [Bresenham, Supercover] {
+        assert_eq!(
+            sentences(&verdict(&column, &[(0, 0), (2, 0)], rule)),
+            ["agent 0 crosses an obstacle at (1, 0) on its way from (0, 0) to (2, 0)"]
+        );
+        assert_eq!(
+            sentences(&verdict(&column, &[(0, 0), (1, 0), (1, 1), (2, 0)], rule))[..1],
+            ["cell 1 of the path of agent 0, (1, 0), is an obstacle"]
+        );
+    }
     // A segment of slope one half is halfway between two cells in its middle, and the
     // line's is the one nearer to the start.
     assert!(!verdict(&["...", ".@."], &[(1, 2), (0, 0)], Bresenham).valid);

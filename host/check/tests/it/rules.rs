@@ -193,6 +193,13 @@ fn one_agent_rules() {
 
 #[test]
 fn two_agent_rules() {
+    // Who never moves stays from the beginning.
+    check(
+        Four,
+        &["abA"],
+        &[&[(0, 0), (0, 1), (0, 2)], &[(0, 1)]],
+        &["parked-conflict: agent 0 is at (0, 1) at time 1, where agent 1 stays from time 0"],
+    );
     check(
         Four,
         &["aB", "bA"],

@@ -756,6 +756,29 @@ fn a_cut_in_time_keeps_what_begins_before_its_end() {
 }
 
 #[test]
+fn a_cut_in_time_counts_dwelling() {
+    let grid = open(1, 5);
+    let mut adg = Adg::new(&grid, &[0], &[Heading::East], Costs::default()).unwrap();
+    // Two goals in cell 1, a second of dwelling at each.
+    let mut goals = |_: usize, index: u32| if index < 2 { 1 } else { OFF_MAP };
+    adg.append(&batch(&grid, &[&[0, 1, 2, 3]]), &mut goals)
+        .unwrap();
+    let told = |horizon_s| {
+        let cut = adg.clone().cut_within(horizon_s, 100.0, &PACE);
+        (cut.cells[0], cut.next_goal[0])
+    };
+    assert_eq!(told(0.0), (0, 0));
+    // It drives half a second, for it has nothing to turn, and is at its first goal until 1.5 s.
+    assert_eq!(told(0.1), (1, 1));
+    assert_eq!(told(1.5), (1, 1));
+    assert_eq!(told(1.6), (1, 2));
+    assert_eq!(told(2.5), (1, 2));
+    assert_eq!(told(2.6), (2, 2));
+    assert_eq!(told(3.0), (2, 2));
+    assert_eq!(told(3.1), (3, 2));
+}
+
+#[test]
 fn rings_are_cut_with_all_who_come_behind() {
     let grid = open(2, 5);
     let starts = [0, 1, 6, 5, 7, 8, 4];
