@@ -128,6 +128,10 @@ fn a_truck_and_a_car_share_a_yard() {
     // The trailer is the last body.
     let info = yard.line("trace info yard.trace").expect(SUCCESS).stdout;
     assert!(info.contains("trailer 2, towed"), "{info}");
+    yard.line("trace export yard.trace --html yard.html")
+        .expect(SUCCESS);
+    let page = String::from_utf8(yard.read("yard.html")).unwrap();
+    assert!(page.contains("\"agents\":2,") && page.contains("\"cars\":[[2,0]]"));
     let refused = yard
         .line("simulate --task yard.task.json plan.json --policy adg")
         .expect(INPUT);

@@ -174,6 +174,15 @@ fn the_tour_goes_from_an_empty_room_to_a_violation_and_back() {
     studio.is_named("the planners");
     studio.page.click("#run");
     studio.page.until("studio.jobs.list.length === 2 && studio.jobs.list.every((job) => job.state === 'done' && job.record && studio.watch.canShow(job))");
+    // They are shown as they come, where one was before.
+    studio.page.until(
+        "studio.current === 'plan' && studio.watch.panes.length === 2 && studio.watch.clock.now > 0 && document.querySelector('#pane-edit').hidden",
+    );
+    // Names stand beside verdicts, however long these are.
+    let tall = studio.page.eval(
+        "Math.max(...[...document.querySelectorAll('.job h3 span:first-child')].map((name) => name.getBoundingClientRect().height))",
+    );
+    assert!(tall.as_f64().unwrap() < 60.0, "{tall}");
     // On a grid robots follow each other round corners, nearer than their footprints allow.
     studio
         .page
@@ -246,7 +255,7 @@ fn the_tour_goes_from_an_empty_room_to_a_violation_and_back() {
     assert_eq!(studio.digest(), six);
     studio.page.click("#export");
     studio.page.until("document.querySelector('.menu button')");
-    studio.page.eval("[...document.querySelectorAll('.menu button')].find((item) => item.textContent.startsWith('Export task')).click()");
+    studio.page.eval("[...document.querySelectorAll('.menu button')].find((item) => item.textContent.startsWith('Task of this project')).click()");
     let world = studio.page.download(|name| name.ends_with(".world.json"));
     let task = studio.page.download(|name| name.ends_with(".task.json"));
     let hall = root().join("maps/hall.world.json");
@@ -355,12 +364,18 @@ fn what_the_server_refuses_is_said_and_taken_back() {
     let said = studio
         .page
         .eval("document.querySelector('#refusal').textContent");
-    assert!(said.as_str().unwrap().contains("/agents/0/start"), "{said}");
+    let said = said.as_str().unwrap();
+    assert!(said.contains("Robot 0, its start"), "{said}");
+    assert!(!said.contains("agent"), "{said}");
     assert_eq!(studio.page.eval("studio.store.document"), before);
 
     // A robot in a wall is no such edit: it is marked, and nothing is planned for.
     studio.page.eval("studio.store.edit({ op: 'set-agents', indices: [0], agents: [{ robot: 'cart', start: [5, 1], goal: [9, 5] }] })");
     studio.page.until("studio.store.problems.length > 0 && document.querySelector('#problems').className === 'some'");
+    // What was refused before is history.
+    studio
+        .page
+        .until("document.querySelector('#refusal').hidden");
     studio.page.key("3");
     studio
         .page
@@ -371,6 +386,78 @@ fn what_the_server_refuses_is_said_and_taken_back() {
         .until("document.querySelector('#problem-list button')");
     studio.page.click("#problem-list button");
     studio.page.until("studio.selection.has('s0')");
+    studio.has_no_errors();
+}
+
+/// Planners as they describe themselves, for the script of a page.
+const PLANNERS: &str = "[['astar', ['grid'], ['agents:1']], ['db-cbs', ['continuous'], ['dynamics:fleetyard.car/1', 'dynamics:fleetyard.car-trailer/1']], \
+    ['empty', ['grid'], ['for:measuring']], ['lacam', ['grid'], []], ['pbs', ['grid'], []], ['plane-pp', ['continuous'], []]] \
+    .map(([id, representations, features]) => ({ id, representations, features, capabilities: id === 'astar' ? [] : ['windowed'] }))";
+
+#[test]
+fn cars_have_their_trailers_and_the_planners_that_know_them() {
+    let yard = root().join("maps/yard.task.json");
+    let Some(mut studio) = Studio::open(&[yard], [1280, 800]) else {
+        return;
+    };
+    // A trailer is selected, moved and removed with its car.
+    let before = studio.document()["agents"][0]["start"].clone();
+    assert_eq!(before, serde_json::json!([0.9, 0.7, 0, 0]));
+    studio.drag([0.4, 0.7], [0.6, 1.0]);
+    assert_eq!(
+        studio.document()["agents"][0]["start"],
+        serde_json::json!([1.1, 1, 0, 0])
+    );
+    assert_eq!(
+        studio.page.eval("[...studio.selection.keys]"),
+        serde_json::json!(["s0"])
+    );
+    // It turns with the car's handle, which is the first.
+    let handle = studio.page.eval("studio.tools.handles()[0].at");
+    let handle = [0, 1].map(|axis| handle[axis].as_f64().unwrap());
+    studio.drag(handle, [1.1, 2.0]);
+    assert_eq!(
+        studio.document()["agents"][0]["start"],
+        serde_json::json!([1.1, 1, 1.5708, 1.5708])
+    );
+    studio.page.key("Delete");
+    assert_eq!(studio.document()["agents"].as_array().unwrap().len(), 1);
+    studio.page.key("Ctrl+z");
+    studio.page.until("studio.store.agents.length === 2");
+    // In a recording the trailer is no robot of its own.
+    let found = studio.page.eval(
+        "import('/viewer/fleet.js').then(({ Fleet }) => { const fleet = new Fleet({ outlines: [{ r: 0.3 }], agents: 2, bodies: 4, cars: [[2, 0]] }); \
+         fleet.X.set([0, 5, 1, 9]); fleet.moved(); return [fleet.at(1, 0), fleet.at(5, 0), fleet.at(9, 0), fleet.train(0), [...fleet.owners]]; })",
+    );
+    assert_eq!(found, serde_json::json!([0, 1, -1, [0, 2], [0, 1, 0, -1]]));
+
+    // Cars are for planners that know them, teams for those that plan for teams.
+    let offered = |studio: &mut Studio, document: &str| {
+        studio.page.eval(&format!(
+            "import('/planners.js').then(({{ offered }}) => offered({PLANNERS}, {document}, studio.kinds).map(([title, all]) => [title, ...all.map(({{ id }}) => id)]))"
+        ))
+    };
+    assert_eq!(
+        offered(&mut studio, "studio.store.document"),
+        serde_json::json!([["Recommended", "db-cbs"]])
+    );
+    let team = "{ ground: { map: {} }, robots: {}, agents: [] }";
+    assert_eq!(
+        offered(&mut studio, team),
+        serde_json::json!([
+            ["Recommended", "lacam", "pbs"],
+            ["In the plane", "db-cbs", "plane-pp"]
+        ])
+    );
+    let one = "{ ground: { map: {} }, robots: { a: 'agv' }, agents: [{ robot: 'a' }] }";
+    assert_eq!(
+        offered(&mut studio, one)[1],
+        serde_json::json!(["On the grid", "astar"])
+    );
+    let fleets = studio.page.eval(&format!(
+        "import('/planners.js').then(({{ offeredToFleets }}) => offeredToFleets({PLANNERS}).map(({{ id }}) => id))"
+    ));
+    assert_eq!(fleets, serde_json::json!(["pbs", "lacam"]));
     studio.has_no_errors();
 }
 
@@ -520,13 +607,23 @@ fn a_fleet_is_watched_and_worked_while_it_drives() {
     studio
         .page
         .until("document.querySelector('[data-key=\"fleet-run\"]')?.disabled === false");
-    studio.page.click("[data-key=\"fleet\"]");
+    // On a map without robots it is what is asked for, on the terms of the command.
     studio.page.click("[data-key=\"fleet-run\"]");
     // It is shown as soon as it drives, and time goes on.
     studio
         .page
         .until("studio.watch.live && studio.watch.clock.now > 1");
     let job = studio.page.eval("studio.watch.live.job.id");
+    let line = studio.page.eval("studio.watch.live.job.line");
+    let line = line.as_str().unwrap();
+    assert!(
+        line.contains("--model agv --cell-size 1 --limit 1000ms"),
+        "{line}"
+    );
+    // Its throughput is drawn meanwhile.
+    studio
+        .page
+        .until("document.querySelector('#tab-watch canvas.chart')?.width > 0");
 
     // Goals of all robots, and who waits for whom, are asked for once somebody looks.
     let toggle = |overlay: &str| format!("studio.watch.overlay('{overlay}', true)");

@@ -84,6 +84,53 @@ fn what_is_saved_is_the_document() {
 }
 
 #[test]
+fn a_new_document_asks_for_a_name_and_before_it_goes() {
+    let Some(mut studio) = Studio::open_in(rooms(), &[], [390, 844]) else {
+        return;
+    };
+    // Nothing is lost with an empty one.
+    studio.page.key("r");
+    studio.page.reload();
+    studio.ready();
+    assert!(studio.page.questions.is_empty());
+    studio.page.key("r");
+    studio.drag([1.0, 3.0], [2.0, 3.5]);
+    studio.settled();
+    studio
+        .page
+        .until("!document.querySelector('#unsaved').hidden");
+    studio.page.reload();
+    studio.ready();
+    assert_eq!(studio.page.questions, ["beforeunload"]);
+
+    // A name that is taken is taken on demand alone.
+    let kept = studio.yard.read("two-rooms.world.json");
+    studio.page.key("Ctrl+s");
+    studio.page.until(
+        "document.querySelector('#save-box').open && document.activeElement.id === 'save-name'",
+    );
+    studio.page.write("two-rooms");
+    studio.page.key("Enter");
+    studio
+        .page
+        .until("document.querySelector('#save-do').textContent === 'Replace'");
+    assert_eq!(studio.yard.read("two-rooms.world.json"), kept);
+    studio.page.write("-2");
+    studio
+        .page
+        .until("document.querySelector('#save-do').textContent === 'Save'");
+    studio.page.key("Enter");
+    studio.page.until(
+        "!document.querySelector('#save-box').open && document.querySelector('#unsaved').hidden && studio.store.document.name === 'two-rooms-2'",
+    );
+    assert!(studio.yard.path("two-rooms-2.world.json").exists());
+    studio.page.reload();
+    studio.ready();
+    assert_eq!(studio.page.questions.len(), 1);
+    studio.has_no_errors();
+}
+
+#[test]
 fn files_of_every_kind_can_be_dropped() {
     let Some(mut studio) = Studio::open_in(planned_rooms(), &[], [1280, 800]) else {
         return;

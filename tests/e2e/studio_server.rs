@@ -413,6 +413,79 @@ fn a_page_that_does_not_read_keeps_nobody_waiting() {
     drop(slow);
 }
 
+/// What nobody has saved is told, and a new document gets files by a name, beside which none is lost.
+#[test]
+fn a_new_document_is_saved_under_a_name() {
+    let yard = Yard::new();
+    copy_rooms(&yard);
+    let studio = Studio::start(&yard, "");
+    let state = || studio.get("/api/document").json();
+    let folder = studio.get("/api/studio").json()["folder"].clone();
+    assert_eq!(
+        folder.as_str().unwrap(),
+        yard.path(".").canonicalize().unwrap().to_str().unwrap()
+    );
+    assert_eq!(
+        (&state()["unsaved"], &state()["file"]),
+        (&json!(false), &Value::Null)
+    );
+    let wall = json!({"op": "add-obstacles", "obstacles": [{"polygon": [[4, 0], [5, 0], [5, 2]]}]});
+    assert_eq!(studio.edit(&wall)["unsaved"], true);
+    studio.post("/api/save", &json!({})).expect(409);
+    studio.post("/api/save", &json!({"name": " "})).expect(422);
+    studio
+        .post("/api/save", &json!({"name": "a", "folder": "/"}))
+        .expect(422);
+
+    // Without robots there is no task, but there are walls that nobody wants to lose.
+    let saved = studio
+        .post("/api/save", &json!({"name": "../my hall"}))
+        .expect(200)
+        .json();
+    let hall = yard.path("my-hall.world.json").canonicalize().unwrap();
+    assert_eq!(saved, json!({"files": [hall]}));
+    assert_eq!(state()["document"]["name"], "../my hall");
+    assert_eq!(state()["unsaved"], false);
+    let robot = json!({"op": "add-agents", "agents": [{"start": [1, 1], "goal": [9, 5]}]});
+    assert_eq!(studio.edit(&robot)["unsaved"], true);
+    studio.ask("POST", "/api/save", b"").expect(200);
+    assert_eq!(state()["unsaved"], false);
+    let info = yard
+        .line("world info my-hall.task.json --format json")
+        .expect(SUCCESS)
+        .json();
+    assert_eq!(info["problem_digest"], state()["digest"]);
+
+    // Back to what was saved, nothing is unsaved.
+    let version = studio.edit(&json!({"op": "set-seed", "seed": 9}))["version"].clone();
+    let undone = studio
+        .post("/api/undo", &json!({"base_version": version}))
+        .expect(200)
+        .json();
+    assert_eq!(undone["unsaved"], false);
+
+    // A file that is there stays, unless it is to go; another document has no files.
+    let before = yard.read(ROOMS);
+    let kept = studio
+        .post("/api/save", &json!({"name": "two-rooms"}))
+        .expect(409)
+        .json();
+    assert_eq!(kept["exists"], true);
+    assert_eq!(yard.read(ROOMS), before);
+    studio
+        .post("/api/save", &json!({"name": "two-rooms", "replace": true}))
+        .expect(200);
+    assert_ne!(yard.read(ROOMS), before);
+    let mut other = state()["document"].clone();
+    other["agents"] = json!([]);
+    assert_eq!(
+        studio.edit(&json!({"op": "replace", "document": other}))["file"],
+        Value::Null
+    );
+    studio.post("/api/save", &json!({})).expect(409);
+    studio.end("INT").expect(SUCCESS);
+}
+
 #[test]
 fn files_are_opened_exported_and_saved() {
     let yard = Yard::new();
@@ -819,7 +892,7 @@ fn masked(value: &mut Value) {
                 match key.as_str() {
                     "at_ms" | "elapsed_ms" | "solve_time_ms" => *value = 0.into(),
                     "record" | "execution" | "values_cm" | "vertices" | "edges" | "columns"
-                    | "key" | "store" => {
+                    | "key" | "store" | "folder" => {
                         *value = "…".into();
                     }
                     _ => masked(value),

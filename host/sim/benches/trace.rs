@@ -155,6 +155,7 @@ impl Motion {
             headings: self.headings,
             progress: false,
             waits: false,
+            cars: Vec::new(),
             state_every: 0,
             bounds_m: Bounds {
                 min_x: 0.0,

@@ -117,6 +117,7 @@ impl Setup<'_> {
             headings: self.with_heading,
             progress: false,
             waits: false,
+            cars: self.cars.to_vec(),
             state_every: 0,
             bounds_m: self.bounds(reference),
             profiles: profiles.collect(),

@@ -1,7 +1,7 @@
 //! The document that is edited, with its history and what was derived and made of it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::http::StatusCode;
@@ -29,6 +29,8 @@ const PLAN_BYTES: u64 = 1 << 28;
 /// The document with its history. Requests take turns at it, and work on copies of it.
 #[derive(Debug, Default)]
 pub(crate) struct Desk {
+    /// The folder in which documents get files that have none.
+    pub(crate) folder: PathBuf,
     state: Mutex<State>,
     pub(crate) artefacts: Artefacts,
     /// Documents of which plans were made, and the plans once they were read.
@@ -39,6 +41,10 @@ pub(crate) struct Desk {
 struct State {
     history: History,
     files: Option<Files>,
+    /// The document as files have it.
+    saved: Document,
+    /// It has something that no file has.
+    is_unsaved: bool,
 }
 
 impl Default for State {
@@ -46,6 +52,8 @@ impl Default for State {
         Self {
             history: History::new(Document::default()),
             files: None,
+            saved: Document::default(),
+            is_unsaved: false,
         }
     }
 }
@@ -60,8 +68,29 @@ impl State {
             files,
         } = opened;
         self.history.edit(&Edit::replace("open", document))?;
-        self.files = files;
+        self.saved = self.history.document().clone();
+        self.has(files);
         Ok(notes)
+    }
+
+    /// Says which files the document has, after a change of it or of them.
+    fn has(&mut self, files: Option<Files>) {
+        let document = self.history.document();
+        let is_nothing = files.is_none() && document.is_blank();
+        self.is_unsaved = !is_nothing && *document != self.saved;
+        self.files = files;
+    }
+
+    fn now(&self) -> Now {
+        let history = &self.history;
+        Now {
+            document: history.document().clone(),
+            version: history.version(),
+            undo: history.undoable().map(str::to_owned),
+            redo: history.redoable().map(str::to_owned),
+            file: self.files.as_ref().map(|files| files.task.clone()),
+            is_unsaved: self.is_unsaved,
+        }
     }
 }
 
@@ -78,6 +107,23 @@ pub(crate) struct Now {
     pub(crate) version: u64,
     undo: Option<String>,
     redo: Option<String>,
+    /// The task file that it is saved to.
+    file: Option<PathBuf>,
+    /// It has something that no file has.
+    is_unsaved: bool,
+}
+
+/// A request to save the document: as it was opened, or under a name.
+#[derive(Debug, Default, Deserialize)]
+#[serde(
+    default,
+    deny_unknown_fields,
+    expecting = "an object, with a name where the document is to have another"
+)]
+pub(crate) struct Saving {
+    name: Option<String>,
+    /// Files of this name are replaced.
+    replace: bool,
 }
 
 /// A request to change the document.
@@ -137,6 +183,14 @@ pub(crate) enum Step {
 }
 
 impl Desk {
+    /// With an empty room, which is saved in a folder.
+    pub(crate) fn within(folder: PathBuf) -> Self {
+        Self {
+            folder,
+            ..Self::default()
+        }
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         // An edit is made whole or not at all.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -148,7 +202,7 @@ impl Desk {
 
     /// The document as it is.
     pub(crate) fn now(&self) -> Now {
-        now(&self.state().history)
+        self.state().now()
     }
 
     /// The document as a page is told it.
@@ -161,6 +215,8 @@ impl Desk {
             "problems": whole.problems,
             "undo": now.undo,
             "redo": now.redo,
+            "file": now.file.as_ref().map(|file| file.display().to_string()),
+            "unsaved": now.is_unsaved,
         }))
     }
 
@@ -186,7 +242,11 @@ impl Desk {
             (Step::Redo, _) if !state.history.redo() => return nothing("redo"),
             _ => {}
         }
-        Ok(now(&state.history))
+        // Files are of the document that was saved, and not of one that was put in its place.
+        let is_another = changing.edit().is_some_and(Edit::is_replacement);
+        let files = state.files.take().filter(|_| !is_another);
+        state.has(files);
+        Ok(state.now())
     }
 
     /// Opens files that make a document together, in one step of the history.
@@ -194,7 +254,7 @@ impl Desk {
         let mut state = self.state();
         let opened = files::open(sources, state.history.document())?;
         let notes = state.put(opened)?;
-        Ok((now(&state.history), notes))
+        Ok((state.now(), notes))
     }
 
     /// Puts a document that is in no file in the place of the one that is there.
@@ -205,7 +265,7 @@ impl Desk {
             notes: Vec::new(),
             files: None,
         })?;
-        Ok(now(&state.history))
+        Ok(state.now())
     }
 
     /// Begins with files, before anybody has seen the document.
@@ -219,21 +279,46 @@ impl Desk {
         Ok(notes)
     }
 
-    /// Writes the document to the files from which it was opened.
-    pub(crate) fn save(&self) -> Result<Files> {
-        let (document, files) = {
+    /// Writes the document to the files from which it was opened, or to others in the studio's folder, which are
+    /// its files from then on. Returns those that were written.
+    pub(crate) fn save(&self, asked: Saving) -> Result<(Now, Vec<PathBuf>)> {
+        let (mut document, files) = {
             let state = self.state();
             (state.history.document().clone(), state.files.clone())
         };
-        let Some(files) = files else {
-            return Err(Refused::new(
-                StatusCode::CONFLICT,
-                "the document was opened from no task file",
-            )
-            .hint("export it, or start the studio with a task file"));
+        let files = match (&asked.name, files) {
+            (Some(name), _) => {
+                if name.trim().is_empty() {
+                    return Err(Refused::value("a document is saved under a name").at("/name"));
+                }
+                document.set_name(name.clone())?;
+                let files = Files::within(&self.folder, &document);
+                let there = [&files.task, &files.ground].into_iter();
+                let there = there.filter(|file| file.exists() && !asked.replace).min();
+                if let Some(there) = there {
+                    let reason = format!("{} is there already", there.display());
+                    return Err(Refused::new(StatusCode::CONFLICT, reason)
+                        .hint("replace it, or take another name")
+                        .with("exists", true));
+                }
+                files
+            }
+            (None, Some(files)) => files,
+            (None, None) => {
+                let reason = "the document was opened from no task file";
+                return Err(Refused::new(StatusCode::CONFLICT, reason).hint("give it a name"));
+            }
         };
-        files::write(&document, &files)?;
-        Ok(files)
+        let written = files::save(&document, &files)?;
+        let mut state = self.state();
+        if let Some(name) = asked.name
+            && state.history.document().name() != name
+        {
+            state.history.edit(&Edit::rename(name))?;
+        }
+        state.saved = document;
+        state.has(Some(files));
+        Ok((state.now(), written))
     }
 
     /// The document in one of its forms.
@@ -316,13 +401,4 @@ impl Desk {
 /// The name of a job's plan among artefacts.
 fn artefact(job: u32) -> String {
     format!("plan-{job}")
-}
-
-fn now(history: &History) -> Now {
-    Now {
-        document: history.document().clone(),
-        version: history.version(),
-        undo: history.undoable().map(str::to_owned),
-        redo: history.redoable().map(str::to_owned),
-    }
 }

@@ -162,6 +162,17 @@ impl Document {
         ("robot".into(), profile)
     }
 
+    /// True if there is nothing in it: a floor without anything on it.
+    pub(crate) fn is_blank(&self) -> bool {
+        let is_bare = match &self.ground {
+            Ground::World(world) => {
+                world.obstacles.is_empty() && world.movers.is_empty() && world.boundary.is_none()
+            }
+            Ground::Map { grid, .. } => grid.terrain().iter().all(|letter| *letter == FREE),
+        };
+        is_bare && self.agents.is_empty()
+    }
+
     /// Its name; may be empty.
     pub fn name(&self) -> &str {
         &self.name

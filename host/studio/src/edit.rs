@@ -266,9 +266,26 @@ impl Edit {
         }
     }
 
+    /// Gives the document another name.
+    pub(crate) fn rename(name: String) -> Self {
+        Self {
+            name: "set-name".to_owned(),
+            operation: Operation::SetName { name },
+        }
+    }
+
     /// Reads the operation of a request, `{"op": NAME, …}`. Places in refusals begin with `/op`.
     pub fn read(operation: Value) -> Result<Self, Refusal> {
         Self::read_at(operation, "/op", true)
+    }
+
+    /// True if it puts another document in the place of the one that is there.
+    pub(crate) fn is_replacement(&self) -> bool {
+        match &self.operation {
+            Operation::Replace(_) => true,
+            Operation::Batch(edits) => edits.iter().any(Self::is_replacement),
+            _ => false,
+        }
     }
 
     /// The name for the history: that of the operation, or the one that a batch is given.

@@ -595,6 +595,17 @@ pub fn write(document: &Document, files: &Files) -> Result<(), InputError> {
     write_all_atomically(&[(&files.ground, &ground), (&files.task, &task)])
 }
 
+/// Writes a document for people who go on with it later, and says which files have it. A task needs robots: of
+/// a document that has none yet, and no task file either, the ground alone is written.
+pub fn save(document: &Document, files: &Files) -> Result<Vec<PathBuf>, InputError> {
+    if document.agents.is_empty() && !files.task.exists() {
+        write_all_atomically(&[(&files.ground, &ground_bytes(document))])?;
+        return Ok(vec![files.ground.clone()]);
+    }
+    write(document, files)?;
+    Ok(vec![files.task.clone(), files.ground.clone()])
+}
+
 /// A file that a document is written as, and those that belong to it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exported {

@@ -1,5 +1,6 @@
 //! The server from its start to its end.
 
+use std::env;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
@@ -130,7 +131,7 @@ impl Server {
         let (suite, files) = suite_of(&config.files)?;
         let mut studio = Studio {
             access: Access::new(config.address, port).map_err(cannot)?,
-            desk: Desk::default(),
+            desk: Desk::within(env::current_dir().unwrap_or_default()),
             feed,
             planners: Planners::new(config.runtime),
             jobs,

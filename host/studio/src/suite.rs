@@ -441,6 +441,8 @@ fn again(row: &Row) -> Value {
             "agents": row.agents,
             "duration_s": row.budget_ms.clamp(1.0, 1e9) / 1e3,
             "model": model.filter(|model| PRESETS.iter().any(|preset| preset.name == *model)),
+            "cell_size_m": said["sim"]["cell_size_m"].as_f64(),
+            "limit_ms": said["limit_s"].as_f64().map(|limit_s| (limit_s * 1e3).ceil() as u64),
             "delay": delay.to_string(),
             "seed": row.seed,
             "live": true,

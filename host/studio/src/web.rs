@@ -16,6 +16,7 @@ macro_rules! files {
 
 files![
     "api.js",
+    "charts.js",
     "commands.js",
     "dom.js",
     "drawing.js",
@@ -34,7 +35,10 @@ files![
     "panel-robots.js",
     "panel-watch.js",
     "panel-world.js",
+    "places.js",
+    "planners.js",
     "reservations.js",
+    "save.js",
     "selection.js",
     "store.js",
     "studio.css",

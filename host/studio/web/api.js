@@ -8,6 +8,10 @@ export class Refusal extends Error {
   }
 }
 
+/** Called after each request that did something. */
+let done = () => {};
+export const onDone = (listener) => { done = listener; };
+
 async function ask(path, options = {}) {
   let answer;
   try {
@@ -15,7 +19,10 @@ async function ask(path, options = {}) {
   } catch {
     throw new Refusal(0, { error: 'the studio does not answer', hint: 'is `fleetyard studio` still running?' });
   }
-  if (answer.ok) return answer;
+  if (answer.ok) {
+    if (options.method) done();
+    return answer;
+  }
   const text = await answer.text();
   let said;
   try { said = JSON.parse(text); } catch { said = {}; }
@@ -40,7 +47,9 @@ export const api = {
   open: (name, bytes) => json('/open?name=' + encodeURIComponent(name), {
     method: 'POST', headers: { 'Content-Type': 'application/octet-stream' }, body: bytes,
   }),
-  save: () => post('/save'),
+  about: () => json('/studio'),
+  /** Writes the files of the document: those from which it was opened, or, by a name, new ones. */
+  save: (how) => post('/save', how),
   exports: () => json('/exports'),
   /** The files of the document in a form: `{name, text}` each. */
   export: async (as) => (await json(`/export?all=true&as=${encodeURIComponent(as)}`)).files,

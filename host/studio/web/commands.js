@@ -158,7 +158,7 @@ export function menu(button, ids) {
     const items = (typeof ids === 'function' ? ids() : ids.map(command)).filter(possible);
     list.replaceChildren(...items.map((item) => h('li', { role: 'none' }, h('button', {
       type: 'button', role: 'menuitem', onclick: () => { close(true); item.run(); },
-    }, item.icon ? icon(item.icon) : null, h('span', {}, item.name), item.keys?.length ? h('kbd', {}, shownKey(item.keys[0])) : null))));
+    }, item.icon ? icon(item.icon) : null, h('span', {}, item.short ?? item.name), item.mark ? h('small', {}, item.mark) : null, item.keys?.length ? h('kbd', {}, shownKey(item.keys[0])) : null))));
     if (!items.length) return say('nothing to choose');
     list.hidden = false;
     button.setAttribute('aria-expanded', 'true');

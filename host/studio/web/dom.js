@@ -37,6 +37,8 @@ const ICONS = {
   redo: 'M10.5 3l3 3-3 3M13.5 6H6a3.5 3.5 0 0 0 0 7h4',
   save: 'M2.5 2.5h9l2 2v9h-11zM5 2.5v4h5v-4M5 13.5v-4h6v4',
   export: 'M8 10V2M5 4.8L8 2l3 2.8M2.5 9.5v4h11v-4',
+  more: 'M2.5 4h11M2.5 8h11M2.5 12h11',
+  grid: 'M2.5 2.5h11v11h-11zM2.5 6.2h11M2.5 9.8h11M6.2 2.5v11M9.8 2.5v11',
   open: 'M2 12.5v-9h4l1.5 2H13v2M2 12.5l2-5h10.5l-2 5z',
   command: 'M7 2.5a4.5 4.5 0 1 0 .01 0zM10.3 10.3L14 14',
   help: 'M5.5 6a2.5 2.5 0 1 1 3.6 2.2c-.8.4-1.1.9-1.1 1.8M8 12.6v.8',
@@ -77,10 +79,11 @@ export function field(label, input, note = null) {
   return h('label', { class: 'field' }, h('span', {}, label), input, note && h('small', {}, note));
 }
 
+/** Options are values, `[value, text]`, or groups `[title, options]`. */
 export function select(options, value, onchange, props = {}) {
-  const node = h('select', { onchange: () => onchange(node.value), ...props },
-    ...options.map((option) => Array.isArray(option) ? option : [option, option])
-      .map(([key, text]) => h('option', { value: key }, text)));
+  const choices = (all) => all.map((option) => Array.isArray(option) ? option : [option, option])
+    .map(([key, text]) => Array.isArray(text) ? h('optgroup', { label: key }, ...choices(text)) : h('option', { value: key }, text));
+  const node = h('select', { onchange: () => onchange(node.value), ...props }, ...choices(options));
   node.value = String(value);
   return node;
 }

@@ -248,6 +248,29 @@ export function drawAgents(pen, stage, { agents, kinds, problems, chosen, faint 
     pen.setLineDash([]);
     pen.globalAlpha = faint ? 0.35 : 1;
   }
+  // Trailers of cars, in their colours: where they begin, and outlines of where they end.
+  const tow = (index, part) => {
+    const agent = agents[index], trailer = kinds.trailer(agent, agent[part]);
+    if (!trailer) return false;
+    pen.beginPath();
+    pen.moveTo(stage.toX(agent[part][0]), stage.toY(agent[part][1]));
+    pen.lineTo(stage.toX(trailer.at[0]), stage.toY(trailer.at[1]));
+    pen.strokeStyle = AGENTS[index % AGENTS.length];
+    pen.lineWidth = clamp(0.05 * scale, 1.2, 3);
+    pen.stroke();
+    pen.beginPath();
+    traceOutline(pen, stage, trailer.outline, ...trailer.at, trailer.heading);
+    return true;
+  };
+  for (const index of aimed) if (tow(index, 'goal')) pen.stroke();
+  for (const index of shown) {
+    if (!tow(index, 'start')) continue;
+    pen.fillStyle = AGENTS[index % AGENTS.length];
+    pen.fill();
+    pen.strokeStyle = theme.ink;
+    pen.lineWidth = 1.2;
+    pen.stroke();
+  }
   AGENTS.forEach((color, own) => {
     pen.beginPath();
     for (const index of aimed) {
@@ -352,6 +375,8 @@ export function drawSelection(pen, stage, { store, kinds, selection, handles, to
       const { footprint, knots } = world.movers[index];
       for (const [, x, y, heading = 0] of knots) traceOutline(pen, stage, outlineOf(footprint), x, y, heading, 3);
     }
+    const agent = 'sg'.includes(key[0]) && agents[index], trailer = agent && kinds.trailer(agent, agent[key[0] === 's' ? 'start' : 'goal']);
+    if (trailer) traceOutline(pen, stage, trailer.outline, ...trailer.at, trailer.heading, 3);
     frame();
   }
   for (const { at: [x, y], kind, from } of handles) {

@@ -24,7 +24,11 @@ export class Jobs {
     const before = this.all.get(job.id);
     // The answer to a request may come after the news of what came of it.
     const isOlder = before && STATES.indexOf(job.state) < STATES.indexOf(before.state);
-    this.all.set(job.id, isOlder ? { ...job, ...before } : { ...before, ...job });
+    const now = isOlder ? { ...job, ...before } : { ...before, ...job };
+    // News has the newest point of a fleet alone.
+    const points = job.points ?? before?.points ?? [];
+    if (now.point) now.points = now.point.time_s > (points.at(-1)?.time_s ?? -1) ? [...points, now.point] : points;
+    this.all.set(job.id, now);
     this.changed(job.id, before);
   }
 
@@ -59,7 +63,7 @@ export function verdictOf(job) {
   const { record, verdict: now } = job;
   if (!now && !record) return null;
   const judged = now && !now.error ? now : record?.judged ?? record?.verdict ?? {};
-  const none = now?.error ?? judged.no_plan ?? judged.no_place ?? record?.verdict?.no_plan ?? null;
+  const none = now?.error ?? judged.no_plan ?? judged.no_place ?? record?.verdict?.no_plan ?? (job.has?.plan === false ? 'the planner gave no plan' : null);
   const valid = judged.valid ?? record?.verdict?.valid ?? false;
   const isValid = Boolean(valid) && !none;
   // A plan may keep the rules of its view where bodies overlap: by the rules of MAPF robots follow each other round corners.
@@ -103,7 +107,16 @@ export function figuresOf(job) {
     if (execution.agents !== undefined) rows.push(['arrived', `${execution.arrived} of ${execution.agents}`]);
     put('contacts', execution.contacts?.total ?? execution.contacts, '', 0);
   }
-  for (const [name, value] of Object.entries(fleet ?? {})) if (typeof value === 'number') put(name.replaceAll('_', ' '), value);
+  if (fleet?.metrics) {
+    const { goals_reached, throughput_per_s, waiting_share, planner_calls, fail_calls, planner_time_ms } = fleet.metrics;
+    put('goals reached', goals_reached, '', 0);
+    put('throughput', throughput_per_s, ' per second', 3);
+    put('waiting', waiting_share && 100 * waiting_share, ' % of the time', 1);
+    put('calls of the planner', planner_calls, '', 0);
+    put('without its plan', fail_calls, ' calls', 0);
+    put('time of a call', planner_time_ms?.p50, ' ms (median)', 1);
+    put('contacts', fleet.execution?.contacts, '', 0);
+  }
   if (record.termination) rows.push(['ended', String(record.termination)]);
   if (record.plan_digest) rows.push(['plan digest', record.plan_digest]);
   return rows;
@@ -115,6 +128,9 @@ export function incumbentsOf(job) {
   return own.map((plan) => ({ ms: plan.at_ms ?? plan.time_ms, cost: plan.soc ?? plan.soc_steps ?? null, bound: plan.lower_bound ?? null }))
     .filter(({ cost }) => cost !== null);
 }
+
+/** Points of a fleet over time, `{time_s, goals_reached, …}` each. */
+export const pointsOf = (job) => job.fleet?.series ?? job.points ?? [];
 
 /** True if it has come to something. */
 export const hasResult = (job) => Boolean(job.record || job.execution || job.fleet);

@@ -39,6 +39,8 @@ export class Live {
     this.pace_s = 1;
     this.last_ms = null;
     this.refused = job.live?.refused ?? 0;
+    /** When something was last done to it. */
+    this.done_s = job.live?.interventions?.at(-1)?.at_s ?? -1;
     /** Cells of goals, and who is waited for, by numbers of robots. */
     this.goals = this.waits = new Map();
     this.asking = false;
@@ -133,9 +135,11 @@ export class Live {
   /** The newest state of the job. Says what the fleet did not do. */
   told(job) {
     this.job = job;
-    const { refused = 0, refusal } = job.live ?? {};
+    const { refused = 0, refusal, interventions = [] } = job.live ?? {};
+    const last = interventions.at(-1)?.at_s ?? -1;
     if (refused > this.refused && refusal) this.failed?.(refusal);
-    this.refused = refused;
+    else if (last > this.done_s) this.did?.();
+    Object.assign(this, { refused, done_s: last });
     if (job.live?.paused && this.following) this.clock.seek(this.clock.end);
   }
 

@@ -22,6 +22,8 @@ import { robotsPanel } from './panel-robots.js';
 import { planPanel } from './panel-plan.js';
 import { watchPanel } from './panel-watch.js';
 import { command, menu, offer, palette, register, run, sheet, shownKey } from './commands.js';
+import { asSentence, keyOfPlace, placeInWords } from './places.js';
+import { save, saveAs } from './save.js';
 import { readLink, writeLink } from './link.js';
 
 const TABS = [['world', 'World'], ['robots', 'Robots'], ['plan', 'Plan'], ['watch', 'Watch']];
@@ -32,7 +34,7 @@ const app = {
     snap: true, lattice: 0.1, showLattice: true, paint: 'blocked', brush: 1, robot: null, place: 'start', mover: 1,
   },
   pixel,
-  get editing() { return app.current !== 'watch' || !app.watch.open; },
+  get editing() { return ['world', 'robots'].includes(app.current) || !app.watch.open; },
   /** The stage that commands of the view are about. */
   get view() { return app.editing ? app.stage : app.watch.stage; },
   tab, moved, took,
@@ -116,7 +118,6 @@ store.on((what) => {
   stage.invalidate();
   if (what === 'refusal') return showRefusal(store.refusal);
   if (what !== 'document') return;
-  if (store.refusal === null) $('refusal').hidden = true;
   const bounds = boundsOf(store.document.ground).join();
   if (bounds !== shownGround) {
     const first = shownGround === null;
@@ -150,7 +151,10 @@ watch.on((what) => {
     panels.watch.drawLanes();
     return moved();
   }
-  if (what === 'shown') drawTools();
+  if (what === 'shown') {
+    drawTools();
+    tellStatus();
+  }
   if (app.current === 'watch') panels.watch.draw();
   moved();
 });
@@ -159,7 +163,10 @@ function jobChanged(id, before) {
   const job = jobs.get(id);
   panels.plan.drawJobs();
   if (job && before && before.state !== job.state && job.state === 'done') say(`job ${id} is done`);
-  if (job) watch.changed(job);
+  if (job) {
+    watch.changed(job);
+    panels.plan.heard(job);
+  }
   app.suite.heard(job);
   if (app.current === 'watch') panels.watch.draw();
 }
@@ -189,14 +196,15 @@ function drawPanel() {
 }
 
 function tellStatus() {
-  const count = store.problems.length, button = $('problems');
-  button.textContent = count ? `⚠ ${count} problem${count === 1 ? '' : 's'}` : '✓ ready to plan';
-  button.className = count ? 'some' : 'none';
+  const count = store.agents.length ? store.problems.length : 0, button = $('problems');
+  button.textContent = count ? `⚠ ${count} problem${count === 1 ? '' : 's'}` : store.agents.length ? '✓ ready to plan' : 'no robots yet';
+  button.className = count ? 'some' : store.agents.length ? 'none' : 'empty';
   $('version').textContent = store.version < 0 ? '' : `version ${store.version}${store.digest ? `, ${store.digest.slice(0, 8)}` : ''}`;
   $('version').title = store.digest;
   $('chosen').textContent = selection.size && app.editing ? `${selection.words()} selected` : '';
   if (document.activeElement !== $('name')) $('name').value = store.document.name;
-  document.title = `${store.document.name || 'no name'} – Fleetyard Studio`;
+  document.title = `${store.unsaved ? '• ' : ''}${store.document.name || 'no name'} – Fleetyard Studio`;
+  $('unsaved').hidden = !store.unsaved;
   for (const [id, on] of [['undo', store.undoable], ['redo', store.redoable]]) $(`do-${id}`).disabled = !on;
   const empty = store.version >= 0 && !store.agents.length && !(store.world?.obstacles?.length) && !(store.map?.blocked.length) && app.editing && tools.tool.id === 'select' && !welcomed;
   $('welcome').hidden = !empty;
@@ -207,23 +215,30 @@ function showRefusal(error) {
   const box = $('refusal');
   box.hidden = !error;
   if (!error) return;
-  box.replaceChildren(h('div', {}, h('p', {}, sentence(error.message)), error.hint ? h('p', { class: 'hint' }, `${sentence(error.hint)}`) : null, error.place ? h('p', { class: 'hint' }, h('code', {}, error.place)) : null),
-    iconButton('close', 'Close', () => { box.hidden = true; }));
+  const place = placeInWords(error.place), key = keyOfPlace(error.place), isFile = place !== null && place === error.place;
+  box.replaceChildren(h('div', {}, h('p', {}, asSentence(error.message)), error.hint ? h('p', { class: 'hint' }, asSentence(error.hint)) : null,
+    place === null ? null : h('p', { class: 'hint' }, selection.all().includes(key) ? h('button', { type: 'button', class: 'plain', onclick: () => show([key]) }, place) : isFile ? h('code', {}, place) : place)),
+  iconButton('close', 'Close', () => store.fine()));
 }
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1) + (/[.?!]$/.test(text) ? '' : '.');
+
+/** Selects things of the document, where they can be seen. */
+function show(keys) {
+  if (watching()) tab('robots');
+  selection.set(keys);
+  run('zoom-selection');
+}
 
 function problemList() {
-  $('problem-title').textContent = store.problems.length ? 'What keeps this from being planned for' : 'Nothing keeps this from being planned for';
-  $('problem-list').replaceChildren(...store.problems.map((problem) => h('li', {}, h('button', {
+  const { problems, agents } = store;
+  $('problem-title').textContent = !agents.length ? 'There are no robots yet' : problems.length ? 'What keeps this from being planned for' : 'Nothing keeps this from being planned for';
+  $('problem-list').replaceChildren(...problems.map((problem) => h('li', {}, h('button', {
     type: 'button', onclick: () => {
       $('problem-box').close();
-      const agents = problem.agents ?? [];
-      if (agents.length) {
-        selection.set(agents.map((index) => `${problem.place?.endsWith('/goal') ? 'g' : 's'}${index}`));
-        run('zoom-selection');
-      }
+      const own = problem.agents ?? [];
+      if (own.length) show(own.map((index) => `${problem.place?.endsWith('/goal') ? 'g' : 's'}${index}`));
+      else if (!agents.length) run('tool-robot');
     },
-  }, h('span', {}, sentence(problem.error ?? problem.message ?? String(problem))), problem.hint ? h('small', {}, sentence(problem.hint)) : null))));
+  }, h('span', {}, asSentence(problem.error)), problem.hint ? h('small', {}, asSentence(problem.hint)) : null))));
   $('problem-box').showModal();
 }
 
@@ -267,7 +282,9 @@ function drawTools() {
     id: `tool-${tool.id}`, role: 'radio', 'aria-checked': String(tool === tools.tool), tabIndex: tool === tools.tool ? 0 : -1,
   })));
   if (held) $(held)?.focus();
-  $('options').replaceChildren(...on ? [h('b', {}, tools.tool.name), ...optionsOf(tools.tool)] : [h('b', {}, 'Watching'), h('span', { class: 'hint' }, watch.live ? 'what a click does is chosen in the panel, drag to pan' : 'click a robot to follow it, drag to pan')]);
+  $('options').replaceChildren(...on ? [h('b', {}, tools.tool.name), ...optionsOf(tools.tool)]
+    : [h('b', {}, 'Watching'), h('button', { type: 'button', id: 'to-document', title: 'Back to the document', onclick: () => run('to-document') }, 'Edit'),
+      h('span', { class: 'hint' }, watch.live ? 'what a click does is chosen in the panel, drag to pan' : 'click a robot to follow it, drag to pan')]);
 }
 $('tools').addEventListener('keydown', (event) => {
   const all = tools.possible, step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key];
@@ -300,8 +317,8 @@ function took(answer, name) {
     return;
   }
   if (answer.job) {
-    jobs.take(answer.job);
     tab('plan');
+    panels.plan.await([answer.job]);
   }
   if (!answer.document) return;
   selection.set([]);
@@ -316,6 +333,7 @@ async function exportAs(as) {
   try {
     const files = await api.export(as);
     for (const { name, text } of files) download(new Blob([text]), name);
+    store.fine();
     say(`exported ${files.map(({ name }) => name).join(', ')}`);
   } catch (error) { store.refuse(error); }
 }
@@ -328,6 +346,10 @@ async function picture() {
   }, 'image/png');
 }
 
+// What is not in a file asks before it goes. A page that is loaded again by a key loses nothing.
+let reloaded_ms = -Infinity;
+addEventListener('keydown', (event) => { if (event.key === 'F5' || ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === 'r')) reloaded_ms = event.timeStamp; }, true);
+addEventListener('beforeunload', (event) => { if (store.unsaved && performance.now() - reloaded_ms > 1000) event.preventDefault(); });
 addEventListener('dragover', (event) => {
   if (![...event.dataTransfer?.types ?? []].includes('Files')) return;
   event.preventDefault();
@@ -361,6 +383,13 @@ const chosenRobot = () => watch.panes[0].recording.ids[watch.panes[0].scene.sele
 const driven = () => watching() && Boolean(watch.live) && watch.panes[0].scene.selected >= 0;
 const edit = (op) => { if (op) store.edit(op); };
 
+/** What was copied last. */
+let copied = null;
+function paste(copy) {
+  const [op, keys] = selection.added(copy, round(Math.max(4 * settings.lattice, 0.5))) ?? [];
+  if (op) store.edit(op).then((ok) => ok && selection.set(keys));
+}
+
 register(
   { id: 'palette', name: 'Command palette', group: 'Find', keys: ['Mod+K', 'Mod+Shift+P'], icon: 'command', run: palette, hidden: true },
   { id: 'find-robot', name: 'Find a robot by its number', group: 'Find', keys: ['Mod+F'], run: () => {
@@ -370,7 +399,7 @@ register(
   { id: 'help', name: 'All keys', group: 'Find', keys: ['?', 'F1'], icon: 'help', run: sheet },
   { id: 'problems', name: 'Problems of the document', group: 'Find', keys: ['Shift+P'], run: problemList },
   { id: 'leave', name: 'Leave: tool, selection, following', group: 'Find', keys: ['Escape'], run: () => {
-    if (!$('refusal').hidden) $('refusal').hidden = true;
+    if (store.refusal) store.fine();
     else if (watching()) watch.select(-1);
     else tools.leave();
   } },
@@ -379,10 +408,10 @@ register(
   { id: 'undo', name: 'Undo', group: 'Edit', keys: ['Mod+Z'], icon: 'undo', when: () => store.undoable, run: () => store.undo().then((ok) => ok && say('undone')) },
   { id: 'redo', name: 'Redo', group: 'Edit', keys: ['Mod+Shift+Z', 'Mod+Y'], icon: 'redo', when: () => store.redoable, run: () => store.redo().then((ok) => ok && say('done again')) },
   { id: 'delete', name: 'Delete what is selected', group: 'Edit', keys: ['Delete', 'Backspace'], icon: 'trash', when: some, run: () => { edit(selection.removed()); say('deleted'); } },
-  { id: 'duplicate', name: 'Duplicate what is selected', group: 'Edit', keys: ['Mod+D'], icon: 'copy', when: some, run: () => {
-    const [op, keys] = selection.duplicated(round(Math.max(4 * settings.lattice, 0.5))) ?? [];
-    if (op) store.edit(op).then((ok) => ok && selection.set(keys));
-  } },
+  { id: 'duplicate', name: 'Duplicate what is selected', group: 'Edit', keys: ['Mod+D'], icon: 'copy', when: some, run: () => paste(selection.copy) },
+  // A text that is selected is copied as such.
+  { id: 'copy', name: 'Copy what is selected', group: 'Edit', keys: ['Mod+C'], when: () => some() && getSelection().isCollapsed, run: () => { copied = selection.copy; say(`${selection.words()} copied`); } },
+  { id: 'paste', name: 'Paste what was copied', group: 'Edit', keys: ['Mod+V'], when: () => app.editing && copied !== null, run: () => paste(copied) },
   { id: 'swap', name: 'Swap start and goal', group: 'Edit', when: () => app.editing && selection.agents.length > 0, run: () => edit(setAgents(store, selection.agents, ({ start, goal, ...rest }) => ({ ...rest, start: goal, goal: start }))) },
   { id: 'any-heading', name: 'Let headings be any', group: 'Edit', when: () => app.editing && selection.agents.length > 0, run: () => edit(setAgents(store, selection.agents, (agent) => ({ ...agent, start: agent.start.slice(0, 2), goal: agent.goal.slice(0, 2) }))) },
   { id: 'all', name: 'Select everything', group: 'Edit', keys: ['Mod+A'], when: () => app.editing, run: () => selection.set(selection.all()) },
@@ -407,7 +436,8 @@ register(
   { id: 'minimap', name: 'Minimap', group: 'View', keys: ['Shift+M'], run: () => { minimap.wanted = !minimap.wanted; minimap.draw(); } },
 
   { id: 'plan', name: 'Plan with the chosen planners', group: 'Plan', keys: ['Mod+Enter'], run: () => { tab('plan'); panels.plan.start(); } },
-  { id: 'look', name: 'Look for planners again', group: 'Plan', run: () => { tab('plan'); panels.plan.look(); } },
+  { id: 'look', name: 'Refresh the list of planners', group: 'Plan', run: () => { tab('plan'); panels.plan.look(); } },
+  { id: 'fleet', name: 'Lifelong fleet: robots that get new goals, on and on', group: 'Plan', run: () => panels.plan.fleet() },
 
   { id: 'play', name: 'Play or pause', group: 'Watch', keys: ['Space', 'K'], when: watching, run: () => watch.play() },
   ...[['back', 'Back by 1 s', 'ArrowLeft', -1], ['on', 'On by 1 s', 'ArrowRight', 1], ['back-10', 'Back by 10 s', 'Shift+ArrowLeft', -10], ['on-10', 'On by 10 s', 'Shift+ArrowRight', 10], ['frame-back', 'A frame back', ',', -1 / 60], ['frame-on', 'A frame on', '.', 1 / 60]]
@@ -423,11 +453,13 @@ register(
   { id: 'later', name: 'Next contact or violation', group: 'Watch', keys: ['N'], when: watching, run: () => watch.nextMoment(1) },
 
   { id: 'open', name: 'Open a file', group: 'File', keys: ['Mod+O'], icon: 'open', run: () => $('file').click() },
-  { id: 'save', name: 'Save', group: 'File', keys: ['Mod+S'], icon: 'save', run: () => api.save().then((answer) => say(`saved ${(answer?.files ?? []).join(', ')}`), (error) => store.refuse(error)) },
+  { id: 'save', name: 'Save', group: 'File', keys: ['Mod+S'], icon: 'save', run: () => save(store) },
+  { id: 'save-as', name: 'Save under another name', group: 'File', icon: 'save', run: () => saveAs(store) },
   { id: 'picture', name: 'Picture of the map (PNG)', group: 'File', keys: ['Mod+Shift+S'], icon: 'camera', run: picture },
-  { id: 'copy-link', name: 'Copy the link to this view', group: 'File', run: () => navigator.clipboard.writeText(location.href).then(() => say('copied'), () => store.refuse({ message: 'the clipboard is closed to this page', hint: 'copy the address' })) },
-  { id: 'new-world', name: 'New world of 10 × 6 m', group: 'File', run: () => fresh({ world: { bounds_m: [0, 0, 10, 6], obstacles: [], movers: [] } }, 'untitled') },
-  { id: 'new-map', name: 'New map of 16 × 16 cells', group: 'File', run: () => fresh({ map: { rows: 16, cols: 16, cell_size_m: 1, blocked: [], workstations: [], endpoints: [] } }, 'untitled') },
+  { id: 'copy-link', name: 'Copy the link to this view', group: 'File', icon: 'copy', run: () => navigator.clipboard.writeText(location.href).then(() => say('copied'), () => store.refuse({ message: 'the clipboard is closed to this page', hint: 'copy the address' })) },
+  { id: 'to-document', name: 'Back to the document', group: 'View', when: watching, run: () => tab('world') },
+  { id: 'new-world', name: 'New world of 10 × 6 m', group: 'File', icon: 'rectangle', run: () => fresh({ world: { bounds_m: [0, 0, 10, 6], obstacles: [], movers: [] } }, 'untitled') },
+  { id: 'new-map', name: 'New map of 16 × 16 cells', group: 'File', icon: 'grid', run: () => fresh({ map: { rows: 16, cols: 16, cell_size_m: 1, blocked: [], workstations: [], endpoints: [] } }, 'untitled') },
 );
 
 offer((query) => {
@@ -442,9 +474,14 @@ offer(() => panels.plan.planners().map((planner) => ({ name: `Plan with ${planne
 
 for (const id of ['undo', 'redo']) $('history').append(iconButton(id, `${command(id).name} (${shownKey(command(id).keys[0])})`, () => run(id), { id: `do-${id}`, disabled: true }));
 for (const id of ['open', 'save']) $('files').append(iconButton(id, `${command(id).name} (${shownKey(command(id).keys[0])})`, () => run(id), { id: `do-${id}` }));
-const exportButton = iconButton('export', 'Export', () => {}, { id: 'export' });
-$('files').append(exportButton);
-menu(exportButton, () => [...forms.map(({ as }) => `export-${as}`), 'picture', 'copy-link', 'new-world', 'new-map'].map(command));
+for (const [id, name, choices] of [
+  ['export', 'Export', () => [...forms.map(({ as }) => `export-${as}`), 'picture', 'copy-link']],
+  ['more', 'More of files', () => ['new-world', 'new-map', 'open', 'save', 'save-as']],
+]) {
+  const button = iconButton(id, name, () => {}, { id });
+  $('files').append(button);
+  menu(button, () => choices().map(command));
+}
 $('find').append(h('button', { type: 'button', class: 'wide', id: 'to-palette', 'aria-label': 'Command palette', onclick: () => run('palette') }, icon('command'), h('span', {}, 'Commands'), h('kbd', {}, shownKey('Mod+K'))), iconButton('help', 'All keys (?)', () => run('help')));
 for (const id of ['in', 'out', 'fit']) $('views').append(iconButton(command(id).icon, `${command(id).name} (${shownKey(command(id).keys[0])})`, () => run(id)));
 $('problems').addEventListener('click', problemList);
@@ -507,7 +544,7 @@ async function begin() {
     app.suite.load(),
     api.exports().then((found) => {
       forms = found;
-      register(...found.map(({ as, about }) => ({ id: `export-${as}`, name: `Export ${as}: ${about}`, group: 'File', icon: 'export', run: () => exportAs(as) })));
+      register(...found.map(({ as, about }) => ({ id: `export-${as}`, name: `Export ${as}: ${about}`, short: about.charAt(0).toUpperCase() + about.slice(1), mark: as, group: 'File', icon: 'export', run: () => exportAs(as) })));
     }),
   ]);
   const wish = readLink();

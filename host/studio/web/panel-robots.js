@@ -5,6 +5,7 @@ import { batch, setAgents } from './edits.js';
 import { run } from './commands.js';
 import { AGENTS, theme } from './drawing.js';
 import { round } from './geometry.js';
+import { headed } from './selection.js';
 
 const CART = { footprint: { disc: { radius_m: 0.25 } }, model: { 'single-integrator': { speed_m_per_s: 1 } } };
 const MODELS = ['pebble', 'rotation', 'single-integrator', 'differential-drive', 'unicycle-1', 'unicycle-2', 'double-integrator', 'holonomic', 'waypoint-law'];
@@ -106,21 +107,24 @@ export function robotsPanel(app, node) {
     } });
     const parts = [];
     if (agent && indices.length === 1) {
-      const put = (part, axis) => (value) => {
-        const place = [...agent[part]];
-        if (value === null) place.length = 2;
-        else place[axis] = value;
-        store.edit(setAgents(store, [index], () => ({ ...agent, [part]: place })));
-      };
+      const set = (part, place) => store.edit(setAgents(store, [index], () => ({ ...agent, [part]: place })));
+      const put = (part, axis) => (value) => set(part, agent[part].map((old, at) => at === axis ? value : old));
+      const angle = (turn) => turn === null ? null : round(turn * Math.PI / 180);
       for (const part of ['start', 'goal']) {
         parts.push(h('h3', {}, `${part === 'start' ? 'Start' : 'Goal'} of robot ${index}: x, y in metres, heading in degrees`), h('div', { class: 'row' },
           ...['x', 'y'].map((name, axis) => h('span', { class: 'grow' }, number(agent[part][axis], put(part, axis), { 'aria-label': `${name} of the ${part} in metres`, 'data-key': `${part}-${axis}` }))),
-          h('span', { class: 'grow' }, number(agent[part][2] === undefined ? null : inDegrees(agent[part][2]), (turn) => put(part, 2)(turn === null ? null : round(turn * Math.PI / 180)), { empty: true, placeholder: 'any', 'aria-label': `Heading at the ${part} in degrees; empty is any`, 'data-key': `${part}-h` }))));
+          h('span', { class: 'grow' }, number(agent[part][2] === undefined ? null : inDegrees(agent[part][2]), (turn) => set(part, headed(agent[part], angle(turn))), { empty: true, placeholder: 'any', 'aria-label': `Heading at the ${part} in degrees; empty is any`, 'data-key': `${part}-h` }))));
+        const [x, y, heading = 0, behind] = agent[part];
+        if (kinds.trailer(agent, agent[part])) {
+          parts.push(field('Heading of its trailer', number(behind === undefined ? null : inDegrees(behind), (turn) => set(part, turn === null ? agent[part].slice(0, 3) : [x, y, heading, angle(turn)]), {
+            empty: true, placeholder: part === 'start' ? 'in line' : 'any', 'aria-label': `Heading of the trailer at the ${part} in degrees`, 'data-key': `${part}-trailer`,
+          }), '°'));
+        }
       }
     } else if (indices.length > 1) parts.push(h('p', { class: 'soft' }, `${indices.length} robots: ${indices.slice(0, 12).join(', ')}${indices.length > 12 ? ', …' : ''}`));
     else parts.push(h('p', { class: 'soft' }, store.agents.length ? 'Click a robot, or Shift and drag a box around several.' : 'Choose the tool Robot (A) and drag from a start to a goal.'));
     if (indices.length && Object.keys(store.document.robots).length > 1) {
-      parts.push(field('Kind', select(Object.keys(store.document.robots), agent.robot, (robot) => store.edit(setAgents(store, indices, (own) => ({ ...own, robot }))), { 'data-key': 'agent-kind' })));
+      parts.push(field('Kind', select(Object.keys(store.document.robots), agent.robot, (robot) => store.edit(setAgents(store, indices, (own) => ofKind(own, robot))), { 'data-key': 'agent-kind' })));
     }
     if (indices.length) {
       parts.push(h('div', { class: 'row' }, h('button', { type: 'button', onclick: () => run('swap') }, 'Swap start and goal'), h('button', { type: 'button', onclick: () => run('duplicate') }, 'Duplicate'),
@@ -129,13 +133,19 @@ export function robotsPanel(app, node) {
     if (store.agents.length > 1) {
       keep = Math.min(keep ?? store.agents.length, store.agents.length);
       const cut = () => store.edit({ op: 'remove-agents', indices: store.agents.map((_, index) => index).slice(keep) });
-      parts.push(h('div', { class: 'row' }, h('span', { class: 'grow' }, 'Keep the first'),
-        h('span', {}, number(keep, (value) => { keep = value; draw(); }, { min: 0, max: store.agents.length, step: 1, 'aria-label': 'Robots to keep, from the first', 'data-key': 'keep' })),
+      parts.push(h('div', { class: 'row' }, h('span', { class: 'line' }, 'Keep the first'),
+        h('span', { class: 'grow' }, number(keep, (value) => { keep = value; draw(); }, { min: 0, max: store.agents.length, step: 1, 'aria-label': 'Robots to keep, from the first', 'data-key': 'keep' })),
         h('button', { type: 'button', disabled: keep >= store.agents.length, 'data-key': 'keep-run', onclick: cut }, 'Remove the others')));
     }
     const card = section('Robots', h('div', { class: 'row' }, h('span', { class: 'soft grow' }, `${store.agents.length} in all`), h('span', {}, find)), ...parts);
     return card;
   }
+
+  /** An agent as one of another kind: only a car with a trailer has a heading of that. */
+  const ofKind = ({ start, goal, ...rest }, robot) => {
+    const tows = kinds.trailer({ robot }, start), place = (at) => tows ? at : at.slice(0, 3);
+    return { ...rest, robot, start: place(start), goal: place(goal) };
+  };
 
   function scatterCard() {
     const names = Object.keys(store.document.robots);

@@ -3,7 +3,10 @@
 import { h, fill, check, field, number, section, select, say, tidy } from './dom.js';
 import { run } from './commands.js';
 import { HEAT, theme } from './drawing.js';
+import { drawThroughput, throughputWords } from './charts.js';
+import { pointsOf } from './jobs.js';
 import { violationList } from './panel-plan.js';
+import { asSentence, inRobots } from './places.js';
 import { CLICKS } from './live.js';
 import { COLUMNS } from './survey.js';
 import { OVERLAYS } from './watch.js';
@@ -125,7 +128,9 @@ export function watchPanel(app, node) {
     const id = watch.panes[0].scene.selected < 0 ? null : watch.panes[0].recording.ids[watch.panes[0].scene.selected];
     const { rows, cols } = live.cells ?? { rows: 0, cols: 0 };
     const cell = () => place.row * cols + place.col;
-    return section('The fleet, live',
+    const points = pointsOf(jobs.get(job.id) ?? job), curve = points.length > 1 ? h('canvas', { class: 'chart', role: 'img', 'aria-label': throughputWords(points) }) : null;
+    if (curve) new ResizeObserver(() => drawThroughput(curve, points)).observe(curve);
+    return section('The fleet, live', curve,
       h('dl', { class: 'facts' }, ...[['goals', `${point.goals_reached ?? 0}, ${per_s}`], ['robots held', done(held, 'held')], ['cells blocked', done(closed, 'blocked')]]
         .flatMap(([name, value]) => [h('dt', {}, name), h('dd', {}, value)])),
       field('A click is to', select(CLICKS, live.click, (click) => { live.click = click; }, { 'data-key': 'live-click' })),
@@ -153,8 +158,8 @@ export function watchPanel(app, node) {
       watch.select(wanted);
     } });
     const id = i < 0 ? null : recording.ids[i];
-    const touched = i < 0 ? [] : recording.contacts.filter(({ a, b }) => a === id || b === id);
-    return section('Robot', h('div', { class: 'row' }, h('span', { class: 'grow soft' }, i < 0 ? 'Click one to follow it.' : recording.nameOf(id).replace('agent', 'Robot')), h('span', {}, pick)),
+    const touched = i < 0 ? [] : recording.contacts.filter(({ a, b }) => recording.isOf(a, id) || recording.isOf(b, id));
+    return section('Robot', h('div', { class: 'row' }, h('span', { class: 'grow soft' }, i < 0 ? 'Click one to follow it.' : asSentence(recording.nameOf(id)).slice(0, -1)), h('span', {}, pick)),
       i < 0 ? null : h('dl', { class: 'facts' },
         ...[['arrived', recording.meta.arrivals.length ? recording.meta.arrivals[i] === null ? 'never' : `at ${tidy(recording.meta.arrivals[i], 2)} s` : null], ['contacts', String(touched.length)], ['priority', recording.priorities?.of.has(id) ? `${recording.priorities.of.get(id) + 1} of ${recording.priorities.last + 1}` : null], ['waited', watch.coloring === 'delay' || watch.panes[0].survey ? own : null]]
           .filter(([, value]) => value !== null).flatMap(([name, value]) => [h('dt', {}, name), value === own ? own : h('dd', {}, value)])));
@@ -171,7 +176,7 @@ export function watchPanel(app, node) {
       parts.push(h('h3', {}, contacts.length ? `${recording.meta.contacts_total} contact${recording.meta.contacts_total === 1 ? '' : 's'}` : 'No contacts'));
       if (contacts.length) {
         parts.push(h('ol', { class: 'list' }, ...contacts.slice(0, SHOWN).map((contact) => h('li', {}, h('button', { type: 'button', onclick: () => pane.scene.point(contact) },
-          h('span', {}, `${tidy(contact.from, 2)} s`), h('span', {}, `${contact.a} × ${recording.nameOf(contact.b).replace('agent ', '')}`), h('small', {}, contact.open ? 'to the end' : `${tidy(contact.to - contact.from, 2)} s`))))));
+          h('span', {}, `${tidy(contact.from, 2)} s`), h('span', {}, [contact.a, contact.b].map((body) => inRobots(recording.shortOf(body))).join(' × ')), h('small', {}, contact.open ? 'to the end' : `${tidy(contact.to - contact.from, 2)} s`))))));
       }
     }
     return section('Contacts and violations', ...parts);

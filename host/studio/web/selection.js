@@ -83,21 +83,28 @@ export class Selection {
     return ops.length ? batch('delete', ops) : null;
   }
 
-  /** The operation that adds the same beside it, and the keys of the copies. */
-  duplicated(by) {
-    const { agents, world } = this.store, ops = [], keys = [];
-    const obstacles = this.of('o').map((index) => shifted(world.obstacles[index], by, by));
-    if (obstacles.length) {
-      ops.push({ op: 'add-obstacles', obstacles });
-      obstacles.forEach((_, at) => keys.push(`o${world.obstacles.length + at}`));
+  /** What is selected, to be added again. */
+  get copy() {
+    const { agents, world } = this.store;
+    return { agents: this.agents.map((index) => agents[index]), obstacles: this.of('o').map((index) => world.obstacles[index]), movers: this.of('m').map((index) => world.movers[index]) };
+  }
+
+  /** The operation that adds copies so far to the right and up, and their keys; null if there are none. */
+  added({ agents, obstacles, movers }, by) {
+    const { store } = this, ops = [], keys = [];
+    const to = ([x, y, ...turn]) => [round(x + by), round(y + by), ...turn];
+    const has = (sorts, list, first) => list.forEach((_, at) => sorts.forEach((sort) => keys.push(sort + (first + at))));
+    if (store.world && obstacles.length) {
+      ops.push({ op: 'add-obstacles', obstacles: obstacles.map((obstacle) => shifted(obstacle, by, by)) });
+      has(['o'], obstacles, store.world.obstacles?.length ?? 0);
     }
-    const own = this.agents.map((index) => {
-      const { start: [x, y, ...h], goal: [u, v, ...g], ...rest } = agents[index];
-      return { ...rest, start: [round(x + by), round(y + by), ...h], goal: [round(u + by), round(v + by), ...g] };
-    });
-    if (own.length) {
-      ops.push({ op: 'add-agents', agents: own });
-      own.forEach((_, at) => keys.push(`s${agents.length + at}`, `g${agents.length + at}`));
+    if (store.world && movers.length) {
+      ops.push(...movers.map((mover) => ({ op: 'add-mover', mover: { ...mover, knots: mover.knots.map(([t, ...place]) => [t, ...to(place)]) } })));
+      has(['m'], movers, store.world.movers?.length ?? 0);
+    }
+    if (agents.length) {
+      ops.push({ op: 'add-agents', agents: agents.map(({ start, goal, ...rest }) => ({ ...rest, start: to(start), goal: to(goal) })) });
+      has(['s', 'g'], agents, store.agents.length);
     }
     return ops.length ? [batch('duplicate', ops), keys] : null;
   }
@@ -152,7 +159,28 @@ export class Kinds {
     return this.known.get(key);
   }
 
-  of(agent) { return this.outline(agent.robot ?? Object.keys(this.store.document.robots)[0]); }
+  /** The name of an agent's kind. */
+  nameOf(agent) { return agent.robot ?? Object.keys(this.store.document.robots)[0]; }
+
+  of(agent) { return this.outline(this.nameOf(agent)); }
+
+  /** The trailer of an agent at one of its places, which begins in line with the car: `{at, heading, outline}`; null of one
+   * that tows none. */
+  trailer(agent, [x, y, heading = 0, behind = heading]) {
+    const trailer = this.profile(this.nameOf(agent))?.model?.car?.trailer;
+    if (!trailer) return null;
+    const { hitch_m = 0.5, length_m: l = 0.3, width_m: w = 0.25 } = trailer;
+    return {
+      at: [x - hitch_m * Math.cos(behind), y - hitch_m * Math.sin(behind)], heading: behind,
+      outline: { v: [[l / 2, w / 2], [-l / 2, w / 2], [-l / 2, -w / 2], [l / 2, -w / 2]] },
+    };
+  }
+}
+
+/** A place with another heading; the angle of the joint of a car with a trailer stays as it is. */
+export function headed([x, y, before, behind], heading) {
+  if (heading === null) return [x, y];
+  return behind === undefined ? [x, y, heading] : [x, y, heading, round(behind + heading - before)];
 }
 
 /** What is at a place. */
@@ -165,8 +193,10 @@ export class Hits {
     for (const [sort, part] of [['s', 'start'], ['g', 'goal']]) {
       let best = null;
       for (let index = 0; index < agents.length; index++) {
-        const [ax, ay] = agents[index][part], d = Math.hypot(ax - x, ay - y);
-        if (d <= Math.max(this.kinds.of(agents[index]).reach, slack) && (!best || d < best[0])) best = [d, sort + index];
+        const agent = agents[index], [ax, ay] = agent[part], trailer = this.kinds.trailer(agent, agent[part]);
+        const near = (d, reach) => { if (d <= Math.max(reach, slack) && (!best || d < best[0])) best = [d, sort + index]; };
+        near(Math.hypot(ax - x, ay - y), this.kinds.of(agent).reach);
+        if (trailer) near(Math.hypot(trailer.at[0] - x, trailer.at[1] - y), reachOf(trailer.outline));
       }
       if (best) found.push(best[1]);
     }

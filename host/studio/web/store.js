@@ -1,7 +1,7 @@
 // The document as this page shows it: what the server has, and the edits on their way to it on top, so that an
 // edit is on the screen at once. An edit that is refused, or that meets another page's, is taken back.
 
-import { api, Refusal } from './api.js';
+import { api, onDone, Refusal } from './api.js';
 import { apply } from './edits.js';
 
 const EMPTY = {
@@ -13,8 +13,9 @@ export class Store {
   constructor() {
     Object.assign(this, {
       version: -1, digest: '', server: EMPTY, problems: [], undoable: false, redoable: false,
-      pending: [], draft: null, busy: false, listeners: [], shown: EMPTY, refusal: null,
+      pending: [], draft: null, busy: false, listeners: [], shown: EMPTY, refusal: null, file: null, unsaved: false,
     });
+    onDone(() => this.fine());
   }
 
   /** Calls a listener after each change, with what changed: `document`, `draft` or `refusal`. */
@@ -30,10 +31,11 @@ export class Store {
   async load() { this.take(await api.document()); }
 
   take(answer) {
-    if (answer.version === this.version && !this.pending.length && answer.digest === this.digest) return;
+    if (answer.version === this.version && !this.pending.length && answer.digest === this.digest && answer.unsaved === this.unsaved) return;
     Object.assign(this, {
       version: answer.version, digest: answer.digest ?? '', server: answer.document, problems: answer.problems ?? [],
       undoable: Boolean(answer.undo), redoable: Boolean(answer.redo), undoes: answer.undo, redoes: answer.redo,
+      file: answer.file ?? null, unsaved: Boolean(answer.unsaved),
     });
     this.recount('document');
   }
@@ -77,7 +79,6 @@ export class Store {
       try {
         const answer = await next.ask(this.version);
         this.pending.shift();
-        this.refusal = null;
         this.take(answer);
         next.done(true);
       } catch (error) {
@@ -99,5 +100,10 @@ export class Store {
   refuse(error) {
     this.refusal = error;
     this.tell('refusal');
+  }
+
+  /** Something was done: what was refused before is history. */
+  fine() {
+    if (this.refusal) this.refuse(null);
   }
 }

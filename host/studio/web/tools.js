@@ -5,8 +5,9 @@
 
 import { h, field, select, number, say, tidy } from './dom.js';
 import { batch } from './edits.js';
-import { boundsOf, box, cellAt, corners, flood, kindsOf, middleOf, nice, outlineOf, round, runsOfList, turned, KINDS } from './geometry.js';
+import { boundsOf, box, cellAt, corners, flood, kindsOf, middleOf, nice, outlineOf, reachOf, round, runsOfList, turned, KINDS } from './geometry.js';
 import { AGENTS, label, metres, theme, traceOutline, tracePolygon } from './drawing.js';
+import { headed } from './selection.js';
 
 /** A press that goes farther than so many pixels is a drag. */
 const DRAG_PX = 5;
@@ -163,15 +164,27 @@ export class Tools {
       out.push({
         at: [x + far * Math.cos(heading), y + far * Math.sin(heading)], from: [x, y], kind: 'heading',
         drag: ([px, py], event) => {
-          let turn = Math.atan2(py - y, px - x);
-          if (!event?.altKey) turn = Math.round(turn / (Math.PI / 12)) * (Math.PI / 12);
-          return { op: 'set-agents', indices: [index], agents: [{ ...agent, [part]: [x, y, round(turn)] }] };
+          const place = headed(agent[part], round(stepped(Math.atan2(py - y, px - x), event)));
+          return { op: 'set-agents', indices: [index], agents: [{ ...agent, [part]: place }] };
+        },
+      });
+      const trailer = kinds.trailer(agent, agent[part]);
+      if (!trailer) continue;
+      const [u, v] = trailer.at, long = reachOf(trailer.outline) + 20 / stage.camera.scale;
+      out.push({
+        at: [u - long * Math.cos(trailer.heading), v - long * Math.sin(trailer.heading)], from: trailer.at, kind: 'heading',
+        drag: ([px, py], event) => {
+          const behind = round(stepped(Math.atan2(y - py, x - px), event));
+          return { op: 'set-agents', indices: [index], agents: [{ ...agent, [part]: [x, y, heading, behind] }] };
         },
       });
     }
     return out;
   }
 }
+
+/** An angle in steps of 15°, but with Alt. */
+const stepped = (angle, event) => event?.altKey ? angle : Math.round(angle / (Math.PI / 12)) * (Math.PI / 12);
 
 const isUpright = (points) => points.length === 4 && [0, 1, 2, 3].every((at) => {
   const [[ax, ay], [bx, by]] = [points[at], points[(at + 1) % 4]];
@@ -200,8 +213,7 @@ function obstacleHandles(index, obstacle, far) {
   const [left, , right, top] = box(points), middle = [(left + right) / 2, (box(points)[1] + top) / 2];
   out.push({
     at: [middle[0], top + far], from: [middle[0], top], kind: 'turn', drag: ([x, y], event) => {
-      let turn = Math.atan2(y - middle[1], x - middle[0]) - Math.PI / 2;
-      if (!event?.altKey) turn = Math.round(turn / (Math.PI / 12)) * (Math.PI / 12);
+      const turn = stepped(Math.atan2(y - middle[1], x - middle[0]) - Math.PI / 2, event);
       return set(points.map(([px, py]) => turned([px - middle[0], py - middle[1]], turn, middle).map(round)));
     },
   });
@@ -231,7 +243,7 @@ function selectTool(tools) {
   const { app } = tools;
   let band = null;
   return {
-    id: 'select', name: 'Select', keys: ['V'], hint: 'click, drag to move, Shift and drag for a box; drag the floor to pan',
+    id: 'select', name: 'Select', keys: ['V'], hint: 'click, drag to move; drag on the floor for a box; Space or the middle button pans',
     press([x, y], event) {
       const { selection } = app;
       if (!app.editing) return null;
@@ -239,10 +251,8 @@ function selectTool(tools) {
       const handle = tools.handles().findLast(({ at }) => Math.hypot(at[0] - x, at[1] - y) <= near);
       if (handle) return dragHandle(handle, event);
       const found = app.hits.at([x, y], near);
-      if (!found.length) {
-        if (!event.shiftKey) return null;
-        return dragBox([x, y]);
-      }
+      // A finger has no other way to pan.
+      if (!found.length) return event.pointerType === 'touch' ? null : dragBox([x, y], event);
       const key = found.find((key) => selection.has(key)) ?? found[0];
       if (event.shiftKey) {
         selection.toggle(key);
@@ -312,16 +322,18 @@ function selectTool(tools) {
     };
   }
 
-  function dragBox(from) {
-    band = [from, from];
+  function dragBox(from, press) {
+    const begun = [press.clientX, press.clientY];
     return {
-      move: (x, y) => {
+      move: (x, y, event) => {
+        if (!band && Math.hypot(event.clientX - begun[0], event.clientY - begun[1]) <= DRAG_PX) return;
         band = [from, [x, y]];
         app.stage.invalidate();
       },
       up: () => {
+        const { store, selection } = app, keys = press.shiftKey ? [...selection.keys] : [];
+        if (!band) return selection.set(keys);
         const [l, b, r, t] = box(band), inside = ([x, y]) => x >= l && x <= r && y >= b && y <= t;
-        const { store, selection } = app, keys = [...selection.keys];
         store.agents.forEach((agent, index) => {
           if (inside(agent.start)) keys.push(`s${index}`);
           if (inside(agent.goal)) keys.push(`g${index}`);

@@ -13,6 +13,7 @@ import { api } from './api.js';
 import { AGENTS, HEAT, theme } from './drawing.js';
 import { isOver, nameOf, verdictOf } from './jobs.js';
 import { Live, SPEEDS as PACES, effectsLayer } from './live.js';
+import { inRobots } from './places.js';
 import { reservationsLayer } from './reservations.js';
 import { survey } from './survey.js';
 import { Waits, waitsLayer } from './waits.js';
@@ -20,6 +21,8 @@ import { Waits, waitsLayer } from './waits.js';
 const MOST = 4;
 /** A violation is shown so long around its moment. */
 const AROUND_S = 0.75;
+/** Panes are put elsewhere than beside each other if that shows worlds larger by this factor. */
+const CLEARLY = 1.15;
 
 export const OVERLAYS = [
   ['trails', 'Tails'], ['paths', 'Paths'], ['goals', 'Goals'], ['numbers', 'Numbers'], ['contacts', 'Contacts'],
@@ -42,6 +45,7 @@ export class Watch {
     /** What to show as soon as it drives, by its job. */
     this.awaited = null;
     this.buildTransport();
+    new ResizeObserver(() => this.arrange()).observe($('stages'));
     this.clock.held = () => this.panes.some(({ scene }) => !scene.known);
     this.clock.on('time', () => this.tellTime());
     this.clock.on('play', () => this.tellPlay());
@@ -76,7 +80,7 @@ export class Watch {
   get open() { return this.panes.length > 0; }
 
   /** Shows recordings side by side. Resolves once their first picture can be drawn. */
-  async show(ids, { tab = true, at = null } = {}) {
+  async show(ids, { tab = true, at = null, play = false } = {}) {
     // A fleet that drives has a time of its own.
     const driving = ids.findLast((id) => this.drives(this.app.jobs.get(id)));
     const wanted = driving === undefined ? ids.slice(0, MOST) : [driving];
@@ -98,6 +102,8 @@ export class Watch {
     this.tellPlay();
     this.layout();
     if (tab) this.app.tab('watch');
+    if (play && !this.live && !matchMedia('(prefers-reduced-motion: reduce)').matches) this.clock.play(true);
+    this.app.store.fine();
     this.tell('shown');
     say(`watching ${wanted.map((id) => this.nameOf(id)).join(', ')}`);
     return true;
@@ -134,6 +140,7 @@ export class Watch {
     pane.layers = [pathsLayer(pane), heatLayer(pane, 'usage'), heatLayer(pane, 'waiting'), reservationsLayer(this, pane, planned), violations(pane), waitsLayer(pane)];
     if (live) {
       pane.layers.push(effectsLayer(pane));
+      live.did = () => this.app.store.fine();
       live.failed = ({ what, reason }) => this.app.store.refuse({ message: `the fleet did not do ${what}: ${reason}`, hint: null });
       // Before the stage makes a press a drag or a choice.
       let chosen = -1;
@@ -257,14 +264,28 @@ export class Watch {
 
   /** Shows the panes, or the document. */
   layout() {
-    const on = this.open && this.app.current === 'watch';
+    const on = this.open && !this.app.editing;
     $('stages').dataset.panes = on ? this.panes.length : 1;
+    this.arrange();
     $('pane-edit').hidden = on;
     for (const { node } of this.panes) node.hidden = !on;
     $('transport').hidden = !on;
     $('stages').closest('main').toggleAttribute('data-watching', on);
     if (on) for (const { stage } of this.panes) stage.resize();
     this.drawMarks();
+  }
+
+  /** Puts worlds beside each other, or, where they are so wide that they are larger then, below each other. */
+  arrange() {
+    const node = $('stages'), count = Number(node.dataset.panes);
+    if (!(count > 1)) return;
+    const { clientWidth: w, clientHeight: high } = node;
+    const [width, height] = [0, 1].map((axis) => Math.max(...this.panes.map(({ recording: { bounds } }) => bounds[axis + 2] - bounds[axis])));
+    const scale = (cols) => Math.min(w / cols / width, high / Math.ceil(count / cols) / height);
+    const all = Array.from({ length: count }, (_, at) => at + 1);
+    // What is usual gives way to what is clearly larger.
+    const usual = Math.min(count, 2), best = all.reduce((most, cols) => scale(cols) > scale(most) ? cols : most);
+    node.style.setProperty('--cols', scale(best) > CLEARLY * scale(usual) ? best : usual);
   }
 
   get stage() { return this.panes[0]?.stage ?? null; }
@@ -330,7 +351,7 @@ export class Watch {
     if (ends.length) scene.select(ends[0], false);
     pane.aim = ends;
     this.aim(pane);
-    say(`${violation.rule.replaceAll('-', ' ')} at ${violation.time_s.toFixed(2)} s${violation.agents.length ? `, robots ${violation.agents.join(' and ')}` : ''}`);
+    say(`${inRobots(violation.rule.replaceAll('-', ' '))} at ${violation.time_s.toFixed(2)} s${violation.agents.length ? `, robots ${violation.agents.join(' and ')}` : ''}`);
     stage.invalidate();
   }
 

@@ -69,8 +69,8 @@ struct State {
 impl Page {
     /// A page without states so far.
     pub fn new(recording: Recording, options: &PageOptions) -> Result<Self, ViewError> {
-        let agents = recording.agents;
-        let movers = agents..recording.outline_of_body.len() as u32;
+        let agents = recording.robots();
+        let movers = recording.agents..recording.outline_of_body.len() as u32;
         let ids = match &options.agents {
             None => (0..movers.end).collect(),
             Some(wanted) => {
@@ -83,6 +83,10 @@ impl Page {
                         "agents are numbered from 0",
                     ));
                 }
+                // Trailers belong to their cars.
+                let trailers = (agents..recording.agents).zip(&recording.cars);
+                let towed = trailers.filter(|(_, car)| wanted.contains(car));
+                ids.extend(towed.map(|(trailer, _)| trailer));
                 ids.extend(movers);
                 ids
             }

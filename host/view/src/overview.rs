@@ -57,10 +57,13 @@ pub struct Meta<'a> {
     roadmap: &'a [f64],
     outlines: Vec<OutlineMeta<'a>>,
     outline_of: Vec<u32>,
+    /// Robots that are shown; trailers come after them, then moving obstacles.
     agents: usize,
-    /// Of the trace; ids from here on are of moving obstacles.
+    /// Of the trace; ids from here on are of trailers and moving obstacles.
     all_agents: u32,
     ids: &'a [u32],
+    /// Trailers that are shown, each with its car.
+    cars: Vec<[u32; 2]>,
     /// Per agent that is shown, or empty; likewise below.
     goals: Vec<Option<[f64; 2]>>,
     arrivals: Vec<Option<f64>>,
@@ -186,7 +189,9 @@ impl Overview {
     pub fn meta(&self, incomplete: Option<&str>) -> Meta<'_> {
         let recording = &self.recording;
         let world = &recording.world;
-        let agents = self.ids.partition_point(|id| *id < recording.agents);
+        let agents = self.ids.partition_point(|id| *id < recording.robots());
+        let trailers = (recording.robots()..recording.agents).zip(&recording.cars);
+        let is_shown = |id: &u32| self.ids.binary_search(id).is_ok();
         let outlines = recording.outlines.iter().map(|outline| match outline {
             Outline::Disc { radius_m } => OutlineMeta::Disc { r: *radius_m },
             Outline::Polygon { vertices_m } => OutlineMeta::Polygon {
@@ -213,8 +218,12 @@ impl Overview {
             outlines: outlines.collect(),
             outline_of,
             agents,
-            all_agents: recording.agents,
+            all_agents: recording.robots(),
             ids: &self.ids,
+            cars: trailers
+                .filter(|(trailer, _)| is_shown(trailer))
+                .map(|(trailer, car)| [trailer, *car])
+                .collect(),
             goals: per_agent(shown, recording.goals_m.is_empty(), &|id| {
                 recording.goals_m.get(id as usize).copied()
             }),
@@ -258,8 +267,8 @@ impl Overview {
         )];
         notes
             .push("Times of contacts are those of the trace, which may lie between states.".into());
-        let all = recording.agents as usize;
-        let shown = self.ids.partition_point(|id| *id < recording.agents);
+        let all = recording.robots() as usize;
+        let shown = self.ids.partition_point(|id| *id < recording.robots());
         if shown < all {
             notes.push(format!(
                 "{shown} of {all} agents are shown, and the contacts in which they take part."
@@ -307,7 +316,7 @@ impl TraceSink for Overview {
     }
 
     fn journal(&mut self, entries: &[Entry]) -> io::Result<()> {
-        let agents = self.ids.partition_point(|id| *id < self.recording.agents);
+        let agents = (self.ids).partition_point(|id| *id < self.recording.robots());
         self.work.journal(&self.ids[..agents], entries);
         Ok(())
     }

@@ -22,8 +22,10 @@ pub struct Recording {
     /// For each body its index in `outlines`: first the agents, then obstacles
     /// that move.
     pub outline_of_body: Vec<u32>,
-    /// Number of agents.
+    /// Number of agents, trailers of cars among them.
     pub agents: u32,
+    /// The car of each trailer; trailers are the last agents.
+    pub cars: Vec<u32>,
     /// Goal of every agent, in metres; empty if not known.
     pub goals_m: Vec<[f64; 2]>,
     /// True if headings mean anything; otherwise they are not shown.
@@ -37,6 +39,11 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// Number of robots: of agents without trailers.
+    pub(crate) fn robots(&self) -> u32 {
+        self.agents.saturating_sub(self.cars.len() as u32)
+    }
+
     /// A recording that begins with this header.
     pub fn of_trace(title: impl Into<String>, header: &Header) -> Self {
         let title = title.into();
@@ -50,6 +57,7 @@ impl Recording {
             outlines: header.profiles.iter().map(|p| p.outline.clone()).collect(),
             outline_of_body: scene.profile_of_body.clone(),
             agents: header.agents,
+            cars: header.cars.clone(),
             goals_m: scene.goals_m.clone(),
             headings: header.headings,
             tick_s: 1.0 / f64::from(header.ticks_hz),

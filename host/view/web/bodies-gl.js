@@ -148,7 +148,7 @@ export class GlPainter {
   /** Bodies by outline, moving obstacles first: `order` has their numbers, groups their ranges in it. */
   #sort() {
     const { fleet } = this;
-    const key = (i) => (i < fleet.agents ? fleet.outlines.length : 0) + fleet.kinds[i];
+    const key = (i) => (fleet.owners[i] >= 0 ? fleet.outlines.length : 0) + fleet.kinds[i];
     const counts = new Uint32Array(2 * fleet.outlines.length + 1);
     for (let i = 0; i < fleet.bodies; i++) counts[key(i) + 1]++;
     for (let at = 1; at < counts.length; at++) counts[at] += counts[at - 1];
@@ -191,7 +191,7 @@ export class GlPainter {
   }
 
   draw({ x, y, scale, width, height, dot, half, edge, colors, palette, ink, solid }) {
-    const { gl, at, fleet, places, order } = this, { X, Y, H, agents } = fleet;
+    const { gl, at, fleet, places, order } = this, { X, Y, H, owners } = fleet;
     if (gl.isContextLost()) return;
     // The last colour is that of moving obstacles.
     const last = MOST_COLORS - 1;
@@ -201,7 +201,7 @@ export class GlPainter {
       places[to++] = X[i] - x;
       places[to++] = Y[i] - y;
       places[to++] = H[i];
-      places[to++] = i < agents ? Math.min(colors[i], last - 1) : last;
+      places[to++] = owners[i] >= 0 ? Math.min(colors[owners[i]], last - 1) : last;
     }
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);

@@ -13,6 +13,8 @@ export class PenPainter {
 
   draw({ x, y, scale, width, height, dot, half, edge, colors, palette, ink, solid }) {
     const pen = this.canvas.getContext('2d'), { fleet } = this, { X, Y } = fleet;
+    // Trailers have the colours of their cars.
+    const colorAt = (i) => fleet.owners[i] < 0 ? -1 : colors[fleet.owners[i]];
     const toX = (i) => (X[i] - x) * scale + width / 2, toY = (i) => (y - Y[i]) * scale + height / 2;
     const slack = fleet.largest * scale + 2 * half;
     // The numbers of bodies that can be seen, by colour; those that are squares, apart.
@@ -24,7 +26,7 @@ export class PenPainter {
         dots.push(i);
         continue;
       }
-      const color = i < fleet.agents ? colors[i] : -1;
+      const color = colorAt(i);
       const own = shapes.get(color) ?? [];
       if (!own.length) shapes.set(color, own);
       own.push(i);
@@ -32,7 +34,7 @@ export class PenPainter {
     const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
     const colorOf = (color) => color < 0 ? solid : palette[color] ?? solid;
     pen.clearRect(0, 0, width, height);
-    this.#dots(pen, dots, { toX, toY, scale, width, height, half, rgb: (i) => colorOf(i < fleet.agents ? colors[i] : -1), css });
+    this.#dots(pen, dots, { toX, toY, scale, width, height, half, rgb: (i) => colorOf(colorAt(i)), css });
     for (const color of [...shapes.keys()].sort((a, b) => a - b)) {
       pen.beginPath();
       for (const i of shapes.get(color)) this.#outline(pen, i, toX(i), toY(i), scale);
@@ -52,7 +54,7 @@ export class PenPainter {
         pen.lineTo(px + r * Math.cos(fleet.H[i]), py - r * Math.sin(fleet.H[i]));
       }
     }
-    for (const i of dots) if (i < fleet.agents) this.#square(pen, toX(i), toY(i), fleet.reach(i) * scale, half);
+    for (const i of dots) if (fleet.owners[i] >= 0) this.#square(pen, toX(i), toY(i), fleet.reach(i) * scale, half);
     pen.lineJoin = pen.lineCap = 'round';
     pen.strokeStyle = css(ink);
     pen.lineWidth = edge;

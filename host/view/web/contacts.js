@@ -26,13 +26,12 @@ export class ContactList {
     nodes.onlyBox.hidden = selected < 0 || !contacts.length;
     if (selected < 0) nodes.only.checked = false;
     const id = nodes.only.checked ? recording.ids[selected] : null;
-    const wanted = id === null ? contacts : contacts.filter(({ a, b }) => a === id || b === id);
+    const wanted = id === null ? contacts : contacts.filter(({ a, b }) => recording.isOf(a, id) || recording.isOf(b, id));
     this.#rows = wanted.slice(0, this.#listed).map((contact) => {
       const { a, b, from, to, open } = contact;
       const when = from.toFixed(2) + ' s', long = open ? 'to the end' : (to - from).toFixed(2) + ' s';
-      const other = recording.nameOf(b), isAgent = other.startsWith('agent');
-      const button = make('button', { type: 'button', ariaLabel: `at ${when}: agent ${a} and ${other}, ${long}` },
-        make('span', {}, when), make('span', {}, `${a} × ${isAgent ? b : other}`), make('small', {}, long));
+      const button = make('button', { type: 'button', ariaLabel: `at ${when}: ${recording.nameOf(a)} and ${recording.nameOf(b)}, ${long}` },
+        make('span', {}, when), make('span', {}, `${recording.shortOf(a)} × ${recording.shortOf(b)}`), make('small', {}, long));
       button.addEventListener('click', () => this.jump(contact));
       return [contact, button];
     });
@@ -54,7 +53,7 @@ export class ContactList {
   jump(contact) {
     const { scene } = this;
     scene.point(contact);
-    this.say(`contact of agent ${contact.a} and ${scene.recording.nameOf(contact.b)} at ${contact.from.toFixed(2)} s`);
+    this.say(`contact of ${scene.recording.nameOf(contact.a)} and ${scene.recording.nameOf(contact.b)} at ${contact.from.toFixed(2)} s`);
   }
 
   /** Shows the next contact, or with -1 the one before. */

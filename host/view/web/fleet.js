@@ -1,5 +1,5 @@
-// Bodies at one moment: their outlines and where they are. Agents come first, then obstacles
-// that move.
+// Bodies at one moment: their outlines and where they are. Agents come first, then trailers of cars, then
+// obstacles that move.
 
 /** x and y one after the other, as pairs. */
 export function pairs(flat) {
@@ -18,9 +18,12 @@ export class Fleet {
   #buckets = null;
 
   /** Outlines are `{r}` or `{v: [x, y, …]}`, convex; `kinds` has the outline of each body, and is empty where there is
-   * one. Of the bodies the first `agents` are agents. */
-  constructor({ outlines, kinds = [], agents, bodies = agents, headings = false }) {
-    Object.assign(this, { outlines, agents, bodies, headings });
+   * one. Of the bodies the first `agents` are agents; `cars` has trailers with their cars, by index. */
+  constructor({ outlines, kinds = [], agents, bodies = agents, headings = false, cars = [] }) {
+    Object.assign(this, { outlines, agents, bodies, headings, cars });
+    /** The agent that a body is, or is towed by; -1 of what is nobody's. */
+    this.owners = Int32Array.from({ length: bodies }, (_, i) => i < agents ? i : -1);
+    for (const [trailer, car] of cars) this.owners[trailer] = car;
     [this.X, this.Y, this.H] = [0, 1, 2].map(() => new Float64Array(bodies));
     /** The outline of each body. */
     this.kinds = kinds.length ? Uint16Array.from(kinds) : new Uint16Array(bodies);
@@ -76,18 +79,25 @@ export class Fleet {
     }
   }
 
-  /** The agent nearest to a point that is no farther than its reach, or `slack` metres; -1 is none. */
+  /** The agent nearest to a point that is no farther than its reach, or that of its trailer, or `slack` metres; -1 is none. */
   at(x, y, slack = 0) {
     const far = Math.max(this.largest, slack);
     let best = -1, least = Infinity;
-    this.within(x - far, y - far, x + far, y + far, (i) => {
-      const d = Math.hypot(this.X[i] - x, this.Y[i] - y);
-      if (d <= Math.max(this.reach(i), slack) && (d < least || d === least && i < best)) {
-        best = i;
+    const look = (i) => {
+      const d = Math.hypot(this.X[i] - x, this.Y[i] - y), owner = this.owners[i];
+      if (d <= Math.max(this.reach(i), slack) && (d < least || d === least && owner < best)) {
+        best = owner;
         least = d;
       }
-    });
+    };
+    this.within(x - far, y - far, x + far, y + far, look);
+    for (const [trailer] of this.cars) look(trailer);
     return best;
+  }
+
+  /** An agent and its trailer, if it has one. */
+  train(i) {
+    return [i, ...this.cars.filter(([, car]) => car === i).map(([trailer]) => trailer)];
   }
 
   /** Agents that a stage shows, ascending. */

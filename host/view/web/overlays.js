@@ -215,8 +215,7 @@ export const rings = (scene) => ({
     const ring = (i, color) => twice(pen, color, [5, 2.5], () =>
       pen.arc(stage.toX(fleet.X[i]), stage.toY(fleet.Y[i]), Math.max(fleet.reach(i) * stage.camera.scale + 4, 9), 0, 2 * Math.PI));
     if (pointed) for (const i of recording.both(pointed)) ring(i, theme.contact);
-    if (selected >= 0) ring(selected, theme.ink);
-    if (over >= 0 && over !== selected) ring(over, theme.ink);
+    for (const own of [selected, over === selected ? -1 : over]) if (own >= 0) for (const i of fleet.train(own)) ring(i, theme.ink);
   },
 });
 

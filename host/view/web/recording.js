@@ -18,15 +18,18 @@ export const isTrouble = (call) => call.said.length > 0 || (call.by !== null && 
 export class Recording {
   constructor(meta) {
     this.meta = meta;
-    /** Agents that are shown; moving obstacles come after them. */
+    /** Agents that are shown; trailers and moving obstacles come after them. */
     this.count = meta.agents;
     this.ids = meta.ids;
     this.end_s = meta.duration_s;
     this.bounds = meta.bounds;
+    this.indexOf = new Map(meta.ids.map((id, index) => [id, index]));
     this.fleet = new Fleet({
       outlines: meta.outlines, kinds: meta.outline_of, agents: meta.agents, bodies: meta.ids.length, headings: meta.headings,
+      cars: meta.cars.map((both) => both.map((id) => this.indexOf.get(id))),
     });
-    this.indexOf = new Map(meta.ids.map((id, index) => [id, index]));
+    /** Cars by their trailers. */
+    this.carOf = new Map(meta.cars);
     /** In the order of their beginnings: bodies as ids, `b` null for what stands. */
     this.contacts = meta.contacts.map(([from, to, a, b]) => ({ from, to: to ?? this.end_s, open: to === null, a, b }));
     /** What the planner wants to show, by layer; its times are those of the plan. */
@@ -50,7 +53,19 @@ export class Recording {
 
   /** A body in words. */
   nameOf(id) {
-    return id === null ? 'obstacle' : id < this.meta.all_agents ? `agent ${id}` : 'moving obstacle';
+    if (id === null) return 'obstacle';
+    if (this.carOf.has(id)) return `trailer of agent ${this.carOf.get(id)}`;
+    return id < this.meta.all_agents ? `agent ${id}` : 'moving obstacle';
+  }
+
+  /** The same in short: of an agent its number. */
+  shortOf(id) {
+    return this.nameOf(id).replace(/^agent /, '');
+  }
+
+  /** True if a body is an agent, or its trailer. */
+  isOf(body, agent) {
+    return body !== null && (body === agent || this.carOf.get(body) === agent);
   }
 
   /** The goal of an agent at a time, with x and y in metres, or null. */

@@ -262,7 +262,7 @@ export class Stage extends Emitter {
     return whole;
   }
 
-  // ---- Fingers and the mouse: one drags, two pinch, a short touch selects ---------------
+  // ---- Fingers and the mouse: one drags, two pinch, a short touch selects; the middle button always drags ------
 
   /** The place of an event on the stage, in pixels. */
   local(event) {
@@ -273,7 +273,7 @@ export class Stage extends Emitter {
   #listen() {
     const { scene } = this;
     const pointers = new Map();
-    let travelled = 0, held = null;
+    let travelled = 0, held = null, middle = false;
     const place = (event) => {
       const [px, py] = this.local(event);
       return [this.fromX(px), this.fromY(py), event];
@@ -283,14 +283,15 @@ export class Stage extends Emitter {
       this.emit('hover', ...at ?? []);
     };
     scene.addEventListener('pointerdown', (event) => {
-      if (event.button > 0) return;
+      if (event.button > 1) return;
+      middle = event.button === 1;
       try { scene.setPointerCapture(event.pointerId); } catch { /* a pointer made by a script */ }
       if (!pointers.size) travelled = 0;
       pointers.set(event.pointerId, this.local(event));
       hover(null);
       // A second finger makes a pinch of whatever the first one began.
       held?.cancel?.();
-      held = pointers.size === 1 ? this.grab?.(...place(event)) ?? null : null;
+      held = pointers.size === 1 && !middle ? this.grab?.(...place(event)) ?? null : null;
     });
     scene.addEventListener('pointermove', (event) => {
       const to = this.local(event), from = pointers.get(event.pointerId);
@@ -315,11 +316,13 @@ export class Stage extends Emitter {
       if (held) {
         if (up) held.up?.(...place(event)); else held.cancel?.();
         held = null;
-      } else if (up && travelled <= CLICK_PX && !pointers.size) {
+      } else if (up && !middle && travelled <= CLICK_PX && !pointers.size) {
         this.emit('pick', ...this.local(event), event);
       }
       if (!pointers.size) scene.classList.remove('dragging');
     };
+    // Else the browser scrolls by itself.
+    scene.addEventListener('mousedown', (event) => { if (event.button === 1) event.preventDefault(); });
     scene.addEventListener('pointerup', lift);
     scene.addEventListener('pointercancel', lift);
     scene.addEventListener('pointerleave', () => hover(null));

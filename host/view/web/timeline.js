@@ -27,7 +27,7 @@ export class Timeline {
       spent[state] += to - from;
       this.#parts.push([from, to, state]);
     });
-    const own = this.#own = contacts.filter(({ a, b }) => a === id || b === id);
+    const own = this.#own = contacts.filter(({ a, b }) => scene.recording.isOf(a, id) || scene.recording.isOf(b, id));
     // Contacts may overlap; the time in contact is that of their union.
     let touched = 0, until = 0;
     for (const { from, to } of own) {

@@ -36,6 +36,8 @@ pub struct Page {
     last: u64,
     /// Errors of the page's scripts, and what its policy forbade.
     pub errors: Vec<String>,
+    /// Questions of the browser in the name of the page, by their kinds; each was answered with yes.
+    pub questions: Vec<String>,
 }
 
 impl Drop for Page {
@@ -80,6 +82,7 @@ impl Page {
             folder: folder.to_owned(),
             last: 0,
             errors: Vec::new(),
+            questions: Vec::new(),
         };
         let target = page.call("Target.createTarget", &json!({"url": "about:blank"}));
         let target = json!({"targetId": target["targetId"], "flatten": true});
@@ -147,6 +150,15 @@ impl Page {
             }
             Some("Log.entryAdded") if parameters["entry"]["source"] == "security" => {
                 self.errors.push(parameters["entry"]["text"].to_string());
+            }
+            Some("Page.javascriptDialogOpening") => {
+                let kind = parameters["type"].as_str().unwrap_or_default();
+                self.questions.push(kind.to_owned());
+                // The answer is nobody's: whoever listens passes it over.
+                self.last += 1;
+                let yes = json!({"id": self.last, "sessionId": self.session,
+                    "method": "Page.handleJavaScriptDialog", "params": {"accept": true}});
+                self.socket.send(yes.to_string().into()).unwrap();
             }
             _ => {}
         }

@@ -31,6 +31,9 @@ pub struct Header {
     /// Set if the trace says which agent waits for which: see [`Waiting`](super::Waiting).
     #[serde(default)]
     pub waits: bool,
+    /// The car of each trailer; trailers are the last agents.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cars: Vec<u32>,
     /// Ticks between recorded states, 0 if none are recorded. The writer of a file sets
     /// it.
     pub state_every: u32,
@@ -166,6 +169,10 @@ impl Header {
             Some("there are no agents")
         } else if self.bodies() > MAX_BODIES {
             Some("there are more bodies than a trace can have")
+        } else if self.cars.len() >= self.agents as usize
+            || (self.cars.iter()).any(|car| *car as usize >= self.agents as usize - self.cars.len())
+        {
+            Some("a trailer has no car")
         } else if self.ticks_hz == 0 || self.substeps == 0 {
             Some("the rate of ticks or substeps is 0")
         } else if !bounds.iter().all(|v| v.is_finite()) || min_x > max_x || min_y > max_y {

@@ -234,6 +234,7 @@ fn of_everything() -> Vec<u8> {
         headings: true,
         progress: true,
         waits: true,
+        cars: Vec::new(),
         state_every: 0,
         bounds_m: Bounds {
             min_x: -1.0 / 3.0,

@@ -3,6 +3,7 @@
 //! A word of a command line is never a page's own text: it is a name that is known here, or a number
 //! or a word that was read and is written again. No shell reads it.
 
+use fleetyard_bench::Robots;
 use fleetyard_core::words;
 use fleetyard_runtime::Level;
 use fleetyard_sim::motion::PRESETS;
@@ -25,6 +26,8 @@ pub(crate) const RECORDING: &str = "fleet.jsonl";
 const LONGEST_MS: u64 = 86_400_000;
 /// Most robots of a fleet.
 const MOST_ROBOTS: u32 = 100_000;
+/// Largest side of a cell in metres.
+const LARGEST_CELL_M: f64 = 1e3;
 /// Least and most memory of a planner, in bytes.
 const MEMORY: std::ops::RangeInclusive<u64> = 1 << 20..=1 << 46;
 
@@ -98,6 +101,10 @@ struct Fleet {
     agents: u32,
     duration_s: f64,
     model: Option<String>,
+    /// That of the document's map or grid where none is given.
+    cell_size_m: Option<f64>,
+    /// The time limit of a call.
+    limit_ms: Option<u64>,
     delay: Option<String>,
     #[serde(default)]
     seed: u64,
@@ -138,6 +145,10 @@ pub(crate) struct Given<'a> {
     pub(crate) task: &'a str,
     /// Its map, or that of its grid.
     pub(crate) map: &'a str,
+    /// The side of a cell of that, in metres.
+    pub(crate) cell_m: f64,
+    /// The map is the grid of a world, whose cells are as large as its own robots are.
+    pub(crate) is_grid: bool,
     /// Parameters of views, as the document has them.
     pub(crate) views: &'a Value,
     /// The arguments that say which plugins may run.
@@ -358,6 +369,24 @@ impl Fleet {
             }
             line.pair("--model", model);
         }
+        let cell_m = self.cell_size_m.unwrap_or(given.cell_m);
+        if !(cell_m > 0.0 && cell_m <= LARGEST_CELL_M) {
+            let reason = format!("cells of {cell_m} m");
+            return Err(Refused::value(reason).at("/fleet/cell_size_m"));
+        }
+        line.pair("--cell-size", &cell_m.to_string());
+        if given.is_grid {
+            // Others have to fit in.
+            let radius_m = Robots::DRIVEN_RADIUS_CELLS * cell_m;
+            line.pair("--radius", &radius_m.to_string());
+        }
+        if let Some(limit_ms) = self.limit_ms {
+            if !(1..=LONGEST_MS).contains(&limit_ms) {
+                let reason = format!("a limit of {limit_ms} ms");
+                return Err(Refused::value(reason).at("/fleet/limit_ms"));
+            }
+            line.pair("--limit", &format!("{limit_ms}ms"));
+        }
         if let Some(delay) = &self.delay {
             disturbance("delay", delay).map_err(|refused| refused.at("/fleet/delay"))?;
             line.own("--delay", delay);
@@ -503,6 +532,8 @@ mod tests {
             planners: &planners,
             task: "rooms.task.json",
             map: "rooms.map",
+            cell_m: 0.5,
+            is_grid: true,
             views: &json!({"grid": {"connectivity": 8, "separation": "swap", "other": 7}}),
             trust: &["--locked".to_owned()],
             view_of: &|job| match job {
@@ -544,6 +575,30 @@ mod tests {
     }
 
     #[test]
+    fn a_fleet_drives_on_cells_of_the_size_that_the_document_has() {
+        let fleet = |more: Value| {
+            let mut fleet =
+                json!({"planner": "pibt", "agents": 5, "duration_s": 9.0, "model": "agv"});
+            for (key, value) in more.as_object().unwrap() {
+                fleet[key] = value.clone();
+            }
+            order(&json!({"fleet": fleet})).unwrap().commands[0]
+                .words
+                .join(" ")
+        };
+        let usual = fleet(json!({}));
+        assert!(
+            usual.contains("--model agv --cell-size 0.5 --radius 0.15 --locked"),
+            "{usual}"
+        );
+        let given = fleet(json!({"cell_size_m": 1.4, "limit_ms": 2500}));
+        assert!(
+            given.contains("--cell-size 1.4 --radius 0.42 --limit 2500ms"),
+            "{given}"
+        );
+    }
+
+    #[test]
     fn what_makes_no_sense_is_refused_at_its_place() {
         let run = |more: Value| {
             let mut run = json!({"planner": "pibt", "budget_ms": 1000});
@@ -561,6 +616,8 @@ mod tests {
             json!({"fleet": {"planner": "pibt", "agents": 0, "duration_s": 10.0}}),
             json!({"fleet": {"planner": "pibt", "agents": 5, "duration_s": -1.0}}),
             json!({"fleet": {"planner": "pibt", "agents": 5, "duration_s": 9.0, "model": "no"}}),
+            json!({"fleet": {"planner": "pibt", "agents": 5, "duration_s": 9.0, "cell_size_m": 0.0}}),
+            json!({"fleet": {"planner": "pibt", "agents": 5, "duration_s": 9.0, "limit_ms": 0}}),
             run(json!({"planner": "/bin/sh"})),
             run(json!({"planner": "../pibt"})),
             run(json!({"budget_ms": 0})),

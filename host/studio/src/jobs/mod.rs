@@ -32,6 +32,9 @@ const KNOWN: usize = 256;
 /// Most plans of a run that are told of; the newest is always among them.
 const INCUMBENTS: usize = 2000;
 
+/// Most points of a fleet over time that are kept: of more every second one, every fourth, and so on.
+const POINTS: usize = 512;
+
 /// Most interventions in a live fleet that are told of, the newest.
 const INTERVENTIONS: usize = 256;
 
@@ -172,6 +175,32 @@ impl Live {
     }
 }
 
+/// The figures of a fleet over time, thinned out as they become more.
+#[derive(Debug, Default)]
+struct Points {
+    kept: Vec<Value>,
+    seen: u64,
+    /// Of so many one is kept, less one.
+    pass: u64,
+}
+
+impl Points {
+    fn push(&mut self, point: Value) {
+        if self.kept.len() == POINTS {
+            let mut at = 0;
+            self.kept.retain(|_| {
+                at += 1;
+                at % 2 == 1
+            });
+            self.pass = 2 * self.pass + 1;
+        }
+        if self.seen.is_multiple_of(self.pass + 1) {
+            self.kept.push(point);
+        }
+        self.seen += 1;
+    }
+}
+
 #[derive(Debug)]
 struct Job {
     order: Order,
@@ -188,6 +217,7 @@ struct Job {
     incumbents: Vec<Value>,
     /// The newest figures of a live fleet.
     point: Option<Value>,
+    points: Points,
     live: Option<Live>,
     results: BTreeMap<&'static str, Value>,
     exit: Option<i32>,
@@ -233,6 +263,9 @@ impl Job {
         let mut value = self.summary(id);
         for (key, result) in &self.results {
             value[key] = result.clone();
+        }
+        if self.point.is_some() {
+            value["points"] = self.points.kept.as_slice().into();
         }
         value["stderr"] = self.stderr.as_str().into();
         value
@@ -349,6 +382,7 @@ impl Jobs {
             elapsed_ms: None,
             incumbents: Vec::new(),
             point: None,
+            points: Points::default(),
             results: BTreeMap::new(),
             exit: None,
             error: None,
@@ -678,7 +712,10 @@ impl Shared {
             Line::Record(record) => {
                 job.results.insert(result_key(command.kind), record);
             }
-            Line::Point(point) => job.point = Some(point),
+            Line::Point(point) => {
+                job.points.push(point.clone());
+                job.point = Some(point);
+            }
             Line::Said(said) => {
                 if let Some(live) = &mut job.live {
                     live.hear(said);
@@ -742,7 +779,21 @@ fn result_key(kind: Kind) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::from_base64;
+    use serde_json::json;
+
+    use super::{POINTS, Points, from_base64};
+
+    #[test]
+    fn points_of_a_long_run_are_kept_at_equal_distances() {
+        let mut points = Points::default();
+        for time in 0..5 * POINTS {
+            points.push(json!(time));
+            assert!(points.kept.len() <= POINTS);
+        }
+        assert!(points.kept.len() > POINTS / 2);
+        let expected = (0..5 * POINTS).step_by(8).map(|time| json!(time));
+        assert!(points.kept.iter().cloned().eq(expected));
+    }
 
     #[test]
     fn clips_are_read_back() {

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::{Query, SMALL, Shared, apart, body, header, into_file};
 use crate::answer::{Refused, Result};
-use crate::desk::{Changing, Now, Step};
+use crate::desk::{Changing, Now, Saving, Step};
 use crate::document::runs;
 use crate::files::{Kind, Source, exports};
 use crate::recordings::is_trace;
@@ -124,10 +124,18 @@ async fn open(
     .await
 }
 
-async fn save(State(studio): Shared) -> Result<Json<Value>> {
+async fn save(State(studio): Shared, asked: Body) -> Result<Json<Value>> {
+    let asked = body(asked, SMALL).await?;
     apart(move || {
-        let files = studio.desk.save()?;
-        Ok(Json(json!({"files": [files.task, files.ground]})))
+        let saving = if asked.is_empty() {
+            Saving::default()
+        } else {
+            serde_json::from_slice(&asked).map_err(|error| Refused::value(error.to_string()))?
+        };
+        let (now, files) = studio.desk.save(saving)?;
+        studio.feed.changed(now.version);
+        let files = files.iter().map(|file| file.display().to_string());
+        Ok(Json(json!({"files": files.collect::<Vec<_>>()})))
     })
     .await
 }

@@ -20,6 +20,7 @@ use super::sent::send_file;
 use super::{Query, SMALL, Shared, apart, body};
 use crate::answer::{Refused, Result};
 use crate::desk::Now;
+use crate::document::Ground;
 use crate::files::{self, Files, Kind as FileKind};
 use crate::jobs::Origin;
 use crate::jobs::ask::{Asked, Given, Kind, Order, PLAN};
@@ -130,6 +131,12 @@ impl Studio {
             planners: &planners,
             task: &files::task_file(&now.document),
             map: &map,
+            cell_m: match (kind, &now.document.ground) {
+                (Kind::Fleet, Ground::World(_)) => self.desk.artefacts.grid(&now.document)?.cell_m,
+                (_, Ground::Map { cell_size_m, .. }) => *cell_size_m,
+                (_, Ground::World(_)) => 0.0,
+            },
+            is_grid: matches!(now.document.ground, Ground::World(_)),
             views: &views,
             trust: &self.trust,
             view_of: &|job| self.jobs.plan(job).map(|(_, view)| view),
@@ -187,6 +194,8 @@ impl Studio {
             planners: &[],
             task: &files::task_file(&now.document),
             map: "",
+            cell_m: 0.0,
+            is_grid: false,
             views: &views,
             trust: &self.trust,
             view_of: &|_| Ok(view),

@@ -164,8 +164,12 @@ pub(crate) async fn apart<T: Send + 'static>(
     done.unwrap_or_else(|error| Err(Refused::machine("the studio failed at this", error)))
 }
 
-async fn about() -> Json<Value> {
-    Json(json!({"protocol": PROTOCOL, "fleetyard": env!("CARGO_PKG_VERSION")}))
+async fn about(State(studio): Shared) -> Json<Value> {
+    Json(json!({
+        "protocol": PROTOCOL,
+        "fleetyard": env!("CARGO_PKG_VERSION"),
+        "folder": studio.desk.folder.display().to_string(),
+    }))
 }
 
 /// Presets of robots, with a body where they have one.

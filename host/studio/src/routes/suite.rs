@@ -85,6 +85,8 @@ impl Studio {
                 planners: &[],
                 task: &files::task_file(&now.document),
                 map: &map,
+                cell_m: 0.0,
+                is_grid: false,
                 views: &opened.views.unwrap_or_default(),
                 trust: &self.trust,
                 view_of: &|_| Err(Refused::unknown("plan")),

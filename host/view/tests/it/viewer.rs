@@ -5,9 +5,12 @@ use std::fmt::Write as _;
 use std::fs;
 
 use fleetyard_core::Grid;
+use fleetyard_sim::TraceSink as _;
 use fleetyard_sim::trace::States;
 use fleetyard_testkit::browser::{chromium, selftest, with_user};
-use fleetyard_view::{Clip, Outline, Overview, Recording, Shell, World, base64, joined};
+use fleetyard_view::{
+    Clip, Outline, Overview, Page, PageOptions, Recording, Shell, World, base64, joined,
+};
 
 /// Three bodies on a map: a disc, a wedge, and an obstacle that moves.
 fn recording() -> Recording {
@@ -26,6 +29,7 @@ fn recording() -> Recording {
         ],
         outline_of_body: vec![0, 1, 0],
         agents: 2,
+        cars: Vec::new(),
         goals_m: Vec::new(),
         headings: true,
         tick_s: 0.05,
@@ -114,6 +118,46 @@ fn a_recording_is_told_without_its_motion() {
     assert_eq!(meta["knots"], 0);
     let notes = meta["notes"].to_string();
     assert!(notes.contains("it was cut off"), "{notes}");
+}
+
+#[test]
+fn a_trailer_is_told_as_a_part_of_its_car() {
+    let towing = || Recording {
+        outline_of_body: vec![0, 0, 1, 1],
+        agents: 3,
+        cars: vec![1],
+        ..recording()
+    };
+    let meta = serde_json::to_value(Overview::new(towing()).meta(None)).unwrap();
+    assert_eq!(
+        (&meta["agents"], &meta["all_agents"]),
+        (&2.into(), &2.into())
+    );
+    assert_eq!(meta["ids"], serde_json::json!([0, 1, 2, 3]));
+    assert_eq!(meta["cars"], serde_json::json!([[2, 1]]));
+    // It is shown with its car alone, and cannot be asked for.
+    let page = |agent| {
+        let options = PageOptions {
+            agents: Some(vec![agent]),
+            ..PageOptions::default()
+        };
+        let mut page = Page::new(towing(), &options)?;
+        let at = States {
+            x_m: &[1.5; 4],
+            y_m: &[1.5; 4],
+            heading_rad: Some(&[0.0; 4]),
+            progress: None,
+        };
+        page.state(0, &at).unwrap();
+        page.finish(None)
+    };
+    for (agent, told) in [
+        (0, "\"ids\":[0,3],\"cars\":[]"),
+        (1, "\"ids\":[1,2,3],\"cars\":[[2,1]]"),
+    ] {
+        assert!(page(agent).unwrap().contains(told), "{agent}");
+    }
+    assert!(page(2).is_err());
 }
 
 #[test]
