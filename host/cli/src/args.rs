@@ -135,7 +135,9 @@ pub(crate) fn size(text: &str) -> Read<u64> {
 
 /// A limit of search nodes.
 pub(crate) fn nodes(text: &str) -> Read<u64> {
-    let nodes = text.parse().map_err(|_| "write a whole number".to_owned())?;
+    let nodes = text
+        .parse()
+        .map_err(|_| "write a whole number".to_owned())?;
     if nodes == 0 {
         return Err("nothing can be searched without nodes; leave --nodes out for no limit".into());
     }
