@@ -379,7 +379,7 @@ fn a_limit_of_nodes_is_not_said_to_be_the_clock() {
     for descriptor in standard() {
         let id = &descriptor.id;
         for questions in questions(&descriptor) {
-            let Err(failure) = ask((id, &mut made(id)), &questions[1], 60_000_000_000, 2) else {
+            let Err(failure) = ask((id, &mut made(id)), &questions[1], 10_000_000_000, 2) else {
                 break;
             };
             if failure.status == Status::Unsupported {

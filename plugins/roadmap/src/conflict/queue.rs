@@ -96,11 +96,13 @@ impl Queue {
         Some(id)
     }
 
-    /// Takes half of the nodes out, those with the greatest bounds.
-    pub(super) fn forget(&mut self, rank: impl Fn(u32) -> Rank) -> Vec<u32> {
-        let keep = self.open.iter().nth(self.open.len().div_ceil(2)).copied();
-        let gone = keep.map_or_else(BTreeSet::new, |keep| self.open.split_off(&keep));
-        let gone: Vec<u32> = gone.into_iter().map(|(_, id)| id).collect();
+    /// Takes nodes out, those with the greatest bounds: half of them, and no more than so many.
+    pub(super) fn forget(&mut self, most: usize, rank: impl Fn(u32) -> Rank) -> Vec<u32> {
+        let count = most.min(self.open.len() / 2);
+        let gone: Vec<u32> = (0..count)
+            .filter_map(|_| self.open.pop_last())
+            .map(|(_, id)| id)
+            .collect();
         for id in &gone {
             let rank = rank(*id);
             self.focal.remove(&rank.focal(*id));

@@ -17,6 +17,9 @@ use fleetyard_abi::leftovers::Leftover;
 /// The parent of the root.
 const ROOT: u32 = u32::MAX;
 
+/// Open nodes that are dropped at a time.
+const FORGOTTEN: usize = 1 << 12;
+
 /// Expansions after which the search for a pair ends with the bound that it has.
 const PAIR_LIMIT: u64 = 64;
 
@@ -210,10 +213,12 @@ impl Tree {
             if stop() {
                 return End::Stopped;
             }
-            if self.bytes as u64 > settings.memory_limit {
-                self.forget();
-                if self.bytes as u64 > settings.memory_limit {
+            while self.bytes as u64 > settings.memory_limit {
+                if !self.forget() {
                     return End::Memory;
+                }
+                if stop() {
+                    return End::Stopped;
                 }
             }
             let nodes = &self.nodes;
@@ -263,16 +268,20 @@ impl Tree {
         }
     }
 
-    /// Drops the half of the open nodes that is the least promising.
-    fn forget(&mut self) {
+    /// Drops open nodes that are the least promising, so few that it takes no time; false if there are
+    /// none to spare.
+    fn forget(&mut self) -> bool {
         let nodes = &self.nodes;
-        for id in self.queue.forget(|id| nodes[id as usize].rank) {
+        let gone = self.queue.forget(FORGOTTEN, |id| nodes[id as usize].rank);
+        let any = !gone.is_empty();
+        for id in gone {
             let node = &mut self.nodes[id as usize];
             self.bytes -= node.bytes();
             self.forgotten = self.forgotten.min(node.rank.bound);
             (node.changed, node.pairs) = (Vec::new(), Vec::new());
             self.bytes += node.bytes();
         }
+        any
     }
 
     /// A lower bound of what plans below a node cost, from what pairs of agents have to give up; infinite if there is none. It
