@@ -254,7 +254,7 @@ fn it_stops_when_told_and_at_the_limit() {
     let answer = ask(&crossing(), "{}", (0, 1), true);
     assert_eq!(status(&answer), Some(Status::TimedOut));
     let answer = ask(&crossing(), "{}", (3, 1), false);
-    assert_eq!(status(&answer), Some(Status::TimedOut));
+    assert_eq!(status(&answer), Some(Status::GaveUp));
     assert!(answer.count("nodes") <= 3);
 }
 

@@ -386,7 +386,7 @@ fn teams_movers_and_closed_rooms_are_refused() {
             nodes: 3,
             ..problem(&rooms(0.8))
         }),
-        Status::TimedOut
+        Status::GaveUp
     );
     for options in [
         r#"{"bin_m": 0}"#,

@@ -152,13 +152,14 @@ fn without_time_costs_are_what_they_are_at_least() {
     let exact = Ways::new(&graph, &moves, goal, far, &tolls);
     let hasty = Ways::new(&graph, &moves, goal, far, &tolls);
     let (mut less, mut same) = (0, 0);
-    for v in (0..graph.len() as Vertex).rev() {
+    // From the goal on: what is near is known first.
+    for v in 0..graph.len() as Vertex {
         tolls.search_until(u64::MAX);
         let cost = exact.from(&moves, v, Some(1), &tolls);
-        tolls.search_until(if v % 7 == 0 { u64::MAX } else { 0 });
+        tolls.search_until(if v % 97 == 0 { u64::MAX } else { 0 });
         let least = hasty.from(&moves, v, Some(1), &tolls);
         assert!(least <= cost, "{v}: {least} > {cost}");
-        assert!(v % 7 > 0 || least == cost, "{v}: {least} != {cost}");
+        assert!(v % 97 > 0 || least == cost, "{v}: {least} != {cost}");
         less += u32::from(least < cost);
         same += u32::from(least == cost);
     }

@@ -171,7 +171,7 @@ fn teams_and_closed_rooms_are_told_apart() {
     let failure =
         |obstacles: &[_], discs: &[_], nodes| planned(obstacles, discs, "{}", nodes).0.unwrap_err();
     assert_eq!(failure(&[wall], &[ACROSS], 0).status, Status::Infeasible);
-    assert_eq!(failure(&[BLOCK], &[ACROSS], 2).status, Status::TimedOut);
+    assert_eq!(failure(&[BLOCK], &[ACROSS], 2).status, Status::GaveUp);
     let team = failure(&[], &[ACROSS, [[1.0, 1.0], [5.0, 1.0]]], 0);
     assert_eq!(team.status, Status::Unsupported);
     assert!(team.message.contains("si-tangent"), "{}", team.message);

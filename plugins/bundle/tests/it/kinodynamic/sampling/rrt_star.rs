@@ -130,8 +130,8 @@ fn limits_and_what_nobody_can_do_are_told() {
         let failure = ask::<RrtStar>(problem, "{}", nodes).end.unwrap_err();
         (failure.status, failure.message)
     };
-    assert_eq!(status(&across(&closed), 500).0, Status::TimedOut);
-    assert_eq!(status(&across(&[BLOCK]), 2).0, Status::TimedOut);
+    assert_eq!(status(&across(&closed), 500).0, Status::GaveUp);
+    assert_eq!(status(&across(&[BLOCK]), 2).0, Status::GaveUp);
     let stopped = asked::<RrtStar>(&across(&[BLOCK]), "{}", 0, 1, true);
     assert_eq!(stopped.end.unwrap_err().status, Status::TimedOut);
     // In the wall, and beside the world.
