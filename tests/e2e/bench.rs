@@ -171,7 +171,7 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
     let budgets = "if every plan takes its whole budget, most end before; at most ";
     assert!(text.contains(budgets), "{text}");
     assert_eq!(plan["plans_s"], 18.0 * 60.0);
-    assert_eq!(plan["about_s"], Value::Null);
+    assert!(plan["about_s"].is_null());
     assert!(text.contains("warm-up  pibt"), "{text}");
     assert_eq!(yard.files(), BTreeSet::from(["s.toml".into()]));
 }
