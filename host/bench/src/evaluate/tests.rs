@@ -796,6 +796,25 @@ fn a_difference_of_rates_lies_between_one_and_minus_one() {
     assert_eq!(between("none", "all").unwrap(), (-difference, -high, -low));
 }
 
+/// Nothing is so many times as much as nothing, on either side.
+#[test]
+fn ratios_are_of_positive_values_alone() {
+    let times = |first: f64| -> Vec<Option<f64>> {
+        (0..7)
+            .map(|at| Some(if at == 0 { first } else { 1.0 }))
+            .collect()
+    };
+    let all = [rows("idle", &times(0.0)), rows("busy", &times(1.0))].concat();
+    let trials = Trials::new(&all);
+    for (baseline, counts) in [("idle", (1, 0, 6)), ("busy", (0, 1, 6))] {
+        let found = compare_with(&trials, baseline, &SOLVE_TIME).unwrap();
+        let paired = &found.planners[0].paired;
+        assert_eq!((paired.median_ratio, paired.ratio_interval), (None, None));
+        assert_eq!((paired.greater, paired.smaller, paired.tied), counts);
+        assert_eq!((paired.posterior, paired.median_delta), (None, Some(0.0)));
+    }
+}
+
 /// Where only one planner has a sum of costs, there is nothing to compare.
 #[test]
 fn costs_of_one_planner_alone_are_not_compared() {
