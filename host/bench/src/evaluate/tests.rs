@@ -834,10 +834,7 @@ fn everybody_at_the_goal_from_the_beginning_is_as_good_as_can_be() {
     };
     let found = &Evaluation::of(&Trials::new([&row]), Order::Text).anytime[0];
     assert!((found.primal_integral - 0.25).abs() < 1e-12);
-    assert_eq!(
-        found.within.map(|share| share.to_bits()),
-        [1.0f64.to_bits(); 4]
-    );
+    assert_eq!(found.within.map(f64::to_bits), [1.0f64.to_bits(); 4]);
 }
 
 /// Nothing is so many times as much as nothing, on either side.
