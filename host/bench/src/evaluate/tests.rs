@@ -796,6 +796,66 @@ fn a_difference_of_rates_lies_between_one_and_minus_one() {
     assert_eq!(between("none", "all").unwrap(), (-difference, -high, -low));
 }
 
+/// On the whole `steady` is faster, and on what everybody solved it is not, whatever is drawn.
+#[test]
+fn resampled_ranks_are_over_shared_successes() {
+    let hard = |at: u32| at % 4 == 3;
+    let times = |easy: f64, hard_ms: Option<f64>| -> Vec<Option<f64>> {
+        let time = |at: u32| if hard(at) { hard_ms } else { Some(easy) };
+        (0..24).map(time).collect()
+    };
+    let all = [
+        rows("quick", &times(1.0, Some(900.0))),
+        rows("steady", &times(2.0, Some(2.0))),
+        rows("weak", &times(3.0, None)),
+    ]
+    .concat();
+    let found = Evaluation::of(&Trials::new(&all), Order::Text);
+    let told = |at: usize| {
+        let standing = &found.standings[at];
+        (standing.planner.as_str(), standing.ranks, standing.p_first)
+    };
+    assert_eq!(told(0), ("quick", Some([1, 1]), Some(1.0)));
+    assert_eq!(told(1), ("steady", Some([2, 2]), Some(0.0)));
+}
+
+#[test]
+fn everybody_at_the_goal_from_the_beginning_is_as_good_as_can_be() {
+    let plan = |time_ms: f64| Incumbent {
+        time_ms,
+        soc_steps: Some(0),
+        valid: Some(true),
+    };
+    let row = Row {
+        budget_ms: 100.0,
+        soc_steps: Some(0),
+        incumbents: vec![plan(25.0), plan(50.0)],
+        ..row("a", 0, Some(50.0))
+    };
+    let found = &Evaluation::of(&Trials::new([&row]), Order::Text).anytime[0];
+    assert!((found.primal_integral - 0.25).abs() < 1e-12);
+    assert_eq!(found.within.map(f64::to_bits), [1.0f64.to_bits(); 4]);
+}
+
+/// Nothing is so many times as much as nothing, on either side.
+#[test]
+fn ratios_are_of_positive_values_alone() {
+    let times = |first: f64| -> Vec<Option<f64>> {
+        (0..7)
+            .map(|at| Some(if at == 0 { first } else { 1.0 }))
+            .collect()
+    };
+    let all = [rows("idle", &times(0.0)), rows("busy", &times(1.0))].concat();
+    let trials = Trials::new(&all);
+    for (baseline, counts) in [("idle", (1, 0, 6)), ("busy", (0, 1, 6))] {
+        let found = compare_with(&trials, baseline, &SOLVE_TIME).unwrap();
+        let paired = &found.planners[0].paired;
+        assert_eq!((paired.median_ratio, paired.ratio_interval), (None, None));
+        assert_eq!((paired.greater, paired.smaller, paired.tied), counts);
+        assert_eq!((paired.posterior, paired.median_delta), (None, Some(0.0)));
+    }
+}
+
 /// Where only one planner has a sum of costs, there is nothing to compare.
 #[test]
 fn costs_of_one_planner_alone_are_not_compared() {

@@ -161,6 +161,12 @@ fn paired_rates_give_published_values() {
             assert!((found - wanted).abs() < 5e-5, "{counts:?}: {found}");
         }
     }
+    // Two that never agree: as far apart as the ends of Wilson's interval of 1 of 2 are, on either side.
+    let (difference, interval) = paired_rate_difference(0, 1, 1, 0).unwrap();
+    let half = wilson(1, 2).unwrap();
+    assert!(difference.abs() < 1e-12);
+    close(interval.high, half.high - half.low, 1e-12);
+    close(interval.low, half.low - half.high, 1e-12);
     // Who solve the same cases differ by nothing, and by no more than their rates may be off.
     let (difference, interval) = paired_rate_difference(50, 0, 0, 0).unwrap();
     assert!(

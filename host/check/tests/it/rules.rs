@@ -460,6 +460,10 @@ fn metrics_of_a_small_plan() {
     let root = std::f64::consts::SQRT_2;
     assert!((found.length_m - 0.5 * (3.0 + 2.0 * root)).abs() < 1e-12);
     assert!((found.lower_bound_m - 0.5 * (3.0 + root)).abs() < 1e-12);
+    // A plan of nobody costs nothing.
+    let none = metrics(&instance, &GridPlan::default(), 0.5);
+    assert_eq!((none.sum_of_costs, none.makespan, none.moves), (0, 0, 0));
+    assert!(none.costs.is_empty() && none.length_m <= 0.0);
 }
 
 /// Violations of one agent on a map of ten columns that looks to the east first.
