@@ -78,7 +78,16 @@ impl Mover {
                 .hint("give [time in s, x, y, heading] at least once"));
         }
         for (at, (time_s, pose)) in knots.iter().enumerate() {
-            if !(pose.is_finite() && pose.x.abs().max(pose.y.abs()) <= Polygon::MOST_M) {
+            if pose.is_finite() && pose.x.abs().max(pose.y.abs()) > Polygon::MOST_M {
+                let reason = format!(
+                    "knot {at} is at [{}, {}], farther than {} m from the origin",
+                    pose.x,
+                    pose.y,
+                    Polygon::MOST_M
+                );
+                return Err(InputError::new(source, reason).hint(Polygon::FAR_HINT));
+            }
+            if !pose.is_finite() {
                 return Err(InputError::new(source, format!("knot {at} is at no place"))
                     .hint("give coordinates in metres and a heading in radians"));
             }
@@ -255,8 +264,14 @@ impl<'de> Deserialize<'de> for Bounds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let [x0, y0, x1, y1] = <[f64; 4]>::deserialize(deserializer)?;
         let most = Polygon::MOST_M;
-        let is_near = [x0, y0, x1, y1].iter().all(|value| value.abs() <= most);
-        if !(is_near && x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
+        let is_far = [x0, y0, x1, y1].iter().any(|value| value.abs() > most);
+        if is_far {
+            let reason = format!(
+                "bounds_m is [{x0}, {y0}, {x1}, {y1}], farther than {most} m from the origin"
+            );
+            return Err(with_hint(&reason, Some(Polygon::FAR_HINT)));
+        }
+        if !(x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
             let reason = format!("bounds_m is [{x0}, {y0}, {x1}, {y1}], which is no area");
             let hint = "give [left, bottom, right, top] in metres";
             return Err(with_hint(&reason, Some(hint)));
