@@ -1,6 +1,6 @@
 //! The one error type for bad input: where, what, and what to do about it.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 /// Something read from outside (a file, an argument, a plugin's answer) is not
 /// what it must be.
@@ -114,7 +114,8 @@ pub fn short_numbers(message: String) -> String {
         short.push_str(before);
         match number.parse::<f64>() {
             Ok(value) if number.len() > MOST && value.is_finite() => {
-                short.push_str(&format!("{value:e}"));
+                // Writing to a string cannot fail.
+                let _ = write!(short, "{value:e}");
             }
             _ => short.push_str(number),
         }

@@ -556,6 +556,23 @@ mod tests {
             assert_eq!(error.to_string(), format!("a.json:{message}"));
             assert!(error.hint.is_some_and(|hint| !hint.is_empty()), "{message}");
         }
+        // Coordinates of a map projection, and a number that would fill the screen.
+        for (from, to, place) in [
+            ("10, 5]", "4500000, 5]", "bounds_m is [0, 0, 4500000, 5]"),
+            ("[4.9, 2]]", "[4.9, 1e308]]", "vertex 3 is [4.9, 1e308]"),
+            ("[9, 9", "[9, 5200000", "knot 1 is at [5200000, 1]"),
+        ] {
+            let text = EXAMPLE.replacen(from, to, 1);
+            let error = read_workspace("a.json", text.as_bytes()).unwrap_err();
+            assert_eq!(
+                error.reason,
+                format!("{place}, farther than 1000000 m from the origin")
+            );
+            assert!(
+                error.hint.unwrap().contains("subtract one offset"),
+                "{from}"
+            );
+        }
         for cut in 0..EXAMPLE.trim_end().len() {
             let error = read_workspace("a.json", &EXAMPLE.as_bytes()[..cut]).unwrap_err();
             assert!(error.hint.is_some());
