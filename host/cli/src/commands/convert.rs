@@ -414,7 +414,7 @@ fn parts(
         _ => None,
     };
     // Lengths that a scenario has stay as they are.
-    let entries = list.map_or(&[][..], |list| &list.agents);
+    let entries = list.map_or(&[][..], |list| list.agents.as_slice());
     let known: Option<Vec<f64>> = entries.iter().map(|entry| entry.length).collect();
     let lengths = match known {
         _ if arguments.lengths => Lengths::Searched,

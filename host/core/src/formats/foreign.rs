@@ -19,7 +19,7 @@ const RASTER: &str = "write a map of letters of it, a letter per pixel, . for fr
                       ones as you want them); `fleetyard world convert MAP WORLD --cell-size RESOLUTION` makes a \
                       world of that";
 
-const KINDS: [Foreign; 4] = [
+const KINDS: [Foreign; 5] = [
     Foreign {
         is: "a map of ROS's map_server: an image with its resolution and origin",
         hint: RASTER,
@@ -40,6 +40,13 @@ const KINDS: [Foreign; 4] = [
         lines: &["environment", "robots"],
     },
     Foreign {
+        is: "an instance of libMultiRobotPlanning on a roadmap",
+        hint: "write its vertices and edges as fleetyard.roadmap/1 (docs/formats.md) and its agents as a task file \
+               (docs/worlds.md#task-files); `fleetyard run --task` plans it on the roadmap",
+        begin: "",
+        lines: &["agents", "roadmap"],
+    },
+    Foreign {
         is: "a configuration of Continuous-CBS",
         hint: "give its settings as options of the planner, as in `--planner ccbs`",
         begin: r"^(?s)<.*<algorithm>",
@@ -50,7 +57,7 @@ const KINDS: [Foreign; 4] = [
 /// The kind of a text, if it is one of those.
 pub(crate) fn foreign(bytes: &[u8]) -> Option<Foreign> {
     /// Bytes that decide it.
-    const HEAD: usize = 1 << 12;
+    const HEAD: usize = 1 << 16;
     static PATTERNS: LazyLock<Vec<Vec<Regex>>> = LazyLock::new(|| {
         let patterns = KINDS.iter().map(|kind| {
             let lines = kind.lines.iter().map(|key| format!("(?m)^{key} *:"));
@@ -95,7 +102,11 @@ mod tests {
                 2,
                 "environment:\n  min: [0, 0]\nrobots:\n  - {type: unicycle}\n",
             ),
-            (3, "<?xml version=\"1.0\" ?>\n<root>\n<algorithm>\n"),
+            (
+                3,
+                "agents:\n- {name: a, start: 'a'}\nroadmap:\n  edges: []\n",
+            ),
+            (4, "<?xml version=\"1.0\" ?>\n<root>\n<algorithm>\n"),
         ] {
             assert_eq!(foreign(text.as_bytes()), Some(KINDS[kind]), "{text}");
         }

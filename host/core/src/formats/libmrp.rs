@@ -96,11 +96,8 @@ pub fn read_libmrp(source: &str, bytes: &[u8]) -> Result<(Grid, AgentList), Inpu
                 Ok(())
             }
             "roadmap" => Err(yaml
-                .error(place, "this is an instance of libMultiRobotPlanning on a roadmap, which is not read")
-                .hint(
-                    "write its vertices and edges as fleetyard.roadmap/1 (docs/formats.md) and its agents as a \
-                     task file (docs/worlds.md#task-files); `fleetyard run --task` plans it on the roadmap",
-                )),
+                .error(place, "the instance is on a roadmap, not on a grid")
+                .hint("instances with a map are read")),
             key => Err(unknown(yaml, key, place, "map, agents")),
         },
     )?;
@@ -453,7 +450,7 @@ mod tests {
                 "the tag 'tag:yaml.org,2002:!python/object:a.Map' is not accepted",
             ),
             ("map: {dimensions: *b}", "i:1:", "this is not YAML"),
-            ("roadmap: {}", "i:1:1:", "on a roadmap, which is not read"),
+            ("roadmap: {}", "i:1:1:", "the instance is on a roadmap"),
             (
                 "map: {dimensions: [2, 2], obstacles: [[0, 2]]}\nagents: []",
                 "i:1:39:",
