@@ -161,7 +161,7 @@ fn maps(tests: &mut Tests) {
 }
 
 fn scenarios(tests: &mut Tests) {
-    let cases: [(&str, String, usize, &[&str]); 17] = [
+    let cases: [(&str, String, usize, &[&str]); 16] = [
         (
             "empty",
             String::new(),
@@ -169,12 +169,6 @@ fn scenarios(tests: &mut Tests) {
             &["good.scen", "the file is empty"],
         ),
         ("no entries", "version 1\n".into(), 1, &["has no entries"]),
-        (
-            "another map",
-            good_scenario().replace("good.map", "other.map"),
-            3,
-            &["good.scen:2: ", "other.map", "good"],
-        ),
         (
             "another size",
             good_scenario().replace("\t5\t4\t", "\t4\t5\t"),

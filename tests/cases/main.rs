@@ -9,6 +9,7 @@ mod conformance;
 mod files;
 mod modules;
 mod plugins;
+mod public;
 
 use fleetyard_testkit::Ended;
 use libtest_mimic::{Arguments, Trial};
@@ -43,6 +44,7 @@ fn main() {
     files::add(&mut tests);
     command_line::add(&mut tests);
     plugins::add(&mut tests);
+    public::add(&mut tests);
     conformance::add(&mut tests);
     modules::add(&mut tests);
     libtest_mimic::run(&Arguments::from_args(), tests.0).exit();

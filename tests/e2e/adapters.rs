@@ -19,10 +19,26 @@ if "--version" in sys.argv:
     sys.exit("solver, version 7.3-test (a test)")
 given = dict(word.split("=", 1) for word in sys.argv[1:])
 style = given["style"]
-rows = open(given["map"]).read().split("\nmap\n")[1].split()
-height, width = len(rows), len(rows[0])
 agents = []
-for line in open(given["scen"]).read().splitlines()[1:]:
+if "map" in given:
+    rows = open(given["map"]).read().split("\nmap\n")[1].split()
+    height, width = len(rows), len(rows[0])
+    entries = open(given["scen"]).read().splitlines()[1:]
+else:
+    # An instance of libMultiRobotPlanning, which has the map in it.
+    numbers = lambda line: [int(word) for word in line.split("[")[1].rstrip("]").split(",")]
+    first, size, *lines = open(given["scen"]).read().splitlines()
+    assert first == "map:"
+    (width, height), entries, ends = numbers(size), [], []
+    rows = [["."] * width for _ in range(height)]
+    for line in lines:
+        if line.startswith("  - ["):
+            x, y = numbers(line)
+            rows[y][x] = "@"
+        elif "start:" in line or "goal:" in line:
+            ends.append(tuple(numbers(line)[::-1]))
+    agents = list(zip(ends[::2], ends[1::2]))
+for line in entries:
     fields = line.split("\t")
     assert fields[1] == "map.map" and fields[2:4] == [str(width), str(height)]
     x, y, gx, gy = map(int, fields[4:8])
@@ -245,8 +261,10 @@ fn every_format_is_read() {
     let rows =
         "format = \"custom\"\n[output.custom]\nlayout = \"rows\"\norder = \"x-y\"\nskip_lines = 1";
     let described = [("cells", cells), ("stdout", stdout), ("rows", rows)];
-    // Whatever plan on a grid commands read, an adapter reads.
-    let named = Format::ALL.iter().filter(|format| format.carries_plan());
+    // Whatever plan on a grid commands read, an adapter reads; it knows no scenario.
+    let named = Format::ALL
+        .iter()
+        .filter(|format| format.carries_plan() && !format.needs_starts());
     let named = named.map(|format| (format.name(), format!("format = \"{format}\"")));
     let described = described.map(|(style, output)| (style, output.to_owned()));
     let mut digests = Vec::new();
@@ -271,6 +289,19 @@ fn every_format_is_read() {
     assert_eq!(digests.len(), 9);
     digests.dedup();
     assert_eq!(digests.len(), 1);
+}
+
+#[test]
+fn instances_of_libmrp_on_request() {
+    if !have("python3") {
+        return;
+    }
+    let format = "format = \"libmrp-schedule\"";
+    let text = manifest("libmrp-schedule", format, "[input]\nscen = \"libmrp\"");
+    let text = text.replace("\"map={map}\", ", "");
+    let record = run(&text, "", SUCCESS);
+    let usual = run(&manifest("libmrp-schedule", format, ""), "", SUCCESS);
+    assert_eq!(record["plan_digest"], usual["plan_digest"]);
 }
 
 #[test]

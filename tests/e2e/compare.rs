@@ -97,7 +97,7 @@ fn scenarios_of_several_maps_find_their_maps() {
         ),
         (
             "--map {maps}/room-33-33-8.map",
-            "the scenario is for map empty-8-8, not for room-33-33-8",
+            "the scenario is for a map of 8 rows and 8 columns, but room-33-33-8 has 33 and 33",
         ),
     ] {
         let ended = yard

@@ -186,7 +186,7 @@ fn what_is_missing_or_wrong_is_said_with_a_way_out() {
         (
             "convert plan.json x --to svg",
             USAGE,
-            &["formats are plan, map, grid, lsmart, scen"],
+            &["formats are plan, map, grid, lsmart, rhcr"],
         ),
         ("convert plan.json", USAGE, &["TO"]),
         ("convert", USAGE, &["FROM"]),
@@ -338,7 +338,7 @@ fn every_format_is_listed_and_described() {
     let guide = fs::read_to_string(root().join("docs/formats.md")).unwrap();
     let names = list.stdout.lines().skip(1);
     let names: Vec<&str> = names.filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!(names.len(), 20);
+    assert_eq!(names.len(), 25);
     for name in names {
         assert!(guide.contains(&format!("| `{name}`")), "{name}");
     }
@@ -515,13 +515,93 @@ fn plans_are_judged_in_the_plane() {
         assert!(ended.stderr.contains(reason), "{ended}");
         assert!(ended.stderr.contains("hint: "), "{ended}");
     }
+    // What is meant by who has a plan in the plane, and never a map that it does not need.
+    for (line, text) in [
+        (
+            "validate t.json",
+            "and what stands in their way with --world FILE",
+        ),
+        (
+            "validate t.json --map a.map",
+            "--radius METRES or --fleet FILE",
+        ),
+        (
+            "validate t.json --radius 0.3",
+            "hint: name the world with --world FILE",
+        ),
+    ] {
+        let ended = yard.line(line).expect(INPUT);
+        assert!(ended.stderr.contains(text), "{ended}");
+    }
     for line in [
-        "validate t.json",
-        "validate t.json --map a.map",
         "validate t.json --world w --scen s",
+        "validate plan.json",
+        "validate plan.json --map a.map --scen a.scen",
     ] {
         yard.line(line).expect(USAGE);
     }
+}
+
+/// Thousands of searches take a while, and nobody but readers of scenarios' last column needs them.
+#[test]
+fn lengths_are_searched_for_on_request() {
+    let yard = yard();
+    let lengths = |scen: &str| -> Vec<String> {
+        let text = String::from_utf8(yard.read(scen)).unwrap();
+        let last = |line: &str| line.rsplit('\t').next().unwrap().to_owned();
+        text.lines().skip(1).map(last).collect()
+    };
+    yard.line("convert a.scen a.yaml --to libmrp --map a.map")
+        .expect(SUCCESS);
+    yard.line("convert a.yaml plain.scen").expect(SUCCESS);
+    assert_eq!(lengths("plain.scen"), ["0.00000000", "0.00000000"]);
+    yard.line("convert a.yaml long.scen --lengths")
+        .expect(SUCCESS);
+    assert_eq!(lengths("long.scen"), ["3.00000000", "3.00000000"]);
+    // Those of a scenario stay.
+    yard.line("convert long.scen again.scen --map long.map")
+        .expect(SUCCESS);
+    assert_eq!(lengths("again.scen"), lengths("long.scen"));
+}
+
+#[test]
+fn paths_alone_are_a_plan_where_the_map_is_named() {
+    let yard = yard();
+    yard.write(
+        "alone.json",
+        r#"{"paths": [[[0,0],[0,1],[0,2],[1,2]],[[1,0],[0,0],[0,1],[0,2]]]}"#,
+    );
+    assert_eq!(digests(&yard, "alone.json"), digests(&yard, "plan.json"));
+    yard.line("simulate --map a.map alone.json").expect(SUCCESS);
+    let ended = yard
+        .line("convert alone.json x.txt --to lacam")
+        .expect(INPUT);
+    assert!(
+        ended
+            .stderr
+            .contains("how large its map is\nhint: name the map with --map FILE"),
+        "{ended}"
+    );
+}
+
+/// Cells of another side than those that the map was made of.
+#[test]
+fn a_hall_does_not_grow_in_silence() {
+    let yard = yard();
+    let task = root().join("maps/two-rooms.task.json");
+    yard.line(&format!("world grid {} --name hall", task.display()))
+        .expect(SUCCESS);
+    let fleet = "fleet --map hall.map --agents 2 --planner pibt --duration 5s --cell-size";
+    let ended = yard.line(&format!("{fleet} 1.4")).expect(SUCCESS);
+    for text in [
+        "hall.map: with cells of 1.4 m this is a map of 28 by 16.8 m; it was made of cells of 0.5 m, \
+         and 10 by 6 m",
+        "hall.grid.json says so; --cell-size 0.5 keeps the world's size",
+    ] {
+        assert!(ended.stderr.contains(text), "no `{text}`: {ended}");
+    }
+    let ended = yard.line(&format!("{fleet} 0.5")).expect(SUCCESS);
+    assert!(!ended.stderr.contains("warning"), "{ended}");
 }
 
 #[test]

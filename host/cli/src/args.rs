@@ -2,7 +2,7 @@
 //! stands in its own file; help, completions, man pages and checks follow from both.
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -12,12 +12,13 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, ArgMatches, Args, FromArgMatches, ValueEnum, value_parser};
 use fleetyard_bench::{BudgetOptions, SandboxOptions};
 use fleetyard_core::formats::Format as FileFormat;
-use fleetyard_core::{Connectivity, Words};
+use fleetyard_core::{Connectivity, Grid, InputError, Words, load_map};
 use fleetyard_runtime::{Level, Policy};
 use fleetyard_sim::noise::{Delay, Disturbance, Messages, VelocityNoise};
 use fleetyard_sim::{SimConfig, SimError, Tier};
 
 use crate::exit::{Exit, Failure, Result};
+use crate::output;
 
 /// The form in which results are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -286,6 +287,33 @@ pub(crate) const RECORDS: &str = "Results and records";
 pub(crate) const LIMITS: &str = "Sandbox and limits";
 /// For arguments that decide which code may run.
 const TRUST: &str = "Trust";
+
+/// The name of a map in scenarios.
+#[derive(Debug, Args)]
+pub(crate) struct MapNameArgs {
+    /// Name of the map in scenarios, where its file has another
+    #[arg(long, help_heading = INSTANCE, value_name = "NAME", requires = "map")]
+    map_name: Option<String>,
+}
+
+impl MapNameArgs {
+    /// Reads the map under the name that is asked for.
+    pub(crate) fn load(&self, map: &Path) -> Result<Grid> {
+        let grid = load_map(map)?;
+        Ok(match &self.map_name {
+            Some(name) => grid.named(name),
+            None => grid,
+        })
+    }
+
+    /// Warns of a scenario of a map with another name, of which `found` is the refusal. Its size is
+    /// known to be right.
+    pub(crate) fn warn(found: std::result::Result<(), InputError>) {
+        let Err(error) = found else { return };
+        output::warning(&format!("{error}; it is used all the same"));
+        output::hint("if it is the right one, say so with --map-name NAME");
+    }
+}
 
 #[derive(Debug, Args)]
 pub(crate) struct BudgetArgs {

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use fleetyard_core::short_numbers;
 
 use crate::commands::bench::{Bench, bench};
 use crate::commands::compare::{Compare, compare};
@@ -97,7 +98,8 @@ fn main() {
     let exit = match dispatch(&cli.command, &matches) {
         Ok(exit) => exit,
         Err(failure) => {
-            eprintln!("{}", output::plain(&failure.to_string()));
+            let message = short_numbers(failure.to_string());
+            eprintln!("{}", output::plain(&message));
             failure.exit
         }
     };

@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 
 use fleetyard_abi::Kind;
 use fleetyard_bench::{
-    BudgetOptions, Host, Plugin, Robots, RobotsError, SandboxOptions, half_of_memory,
+    BudgetOptions, Host, Plugin, Robots, RobotsError, SandboxOptions, half_of_memory, number,
 };
 use fleetyard_check::PathRule;
-use fleetyard_core::{InputError, Scenario, find_map};
+use fleetyard_core::{Grid, InputError, Scenario, find_map, read_file};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
     Standing, Trust, sandbox::out_of_reach,
 };
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::{Fleet, SimConfig};
+use fleetyard_views::VIEW_FILE_LIMIT;
+use serde::Deserialize;
 
 use crate::args::{BudgetArgs, GrantArgs, PinArg, TrustArgs, WorldArgs};
 use crate::exit::{Exit, Failure, Result, internal};
@@ -191,6 +193,37 @@ pub(crate) fn sim_config(world: &WorldArgs) -> SimConfig {
         tier: world.tier,
         ..SimConfig::default()
     }
+}
+
+/// Warns of a map that was made for cells of another side, as the file of its view beside it says.
+pub(crate) fn warn_of_cell_size(map: &Path, grid: &Grid, cell_size_m: f64) {
+    #[derive(Deserialize)]
+    struct Made {
+        cell_m: f64,
+    }
+    let file = map.with_extension("grid.json");
+    let read = file.exists().then(|| read_file(&file, VIEW_FILE_LIMIT));
+    let made = read.and_then(|read| serde_json::from_slice::<Made>(&read.ok()?).ok());
+    let Some(Made { cell_m }) = made else { return };
+    if (cell_m - cell_size_m).abs() <= 1e-9 * cell_m {
+        return;
+    }
+    let size = |side_m: f64| {
+        let [width, height] = [grid.cols(), grid.rows()].map(|count| f64::from(count) * side_m);
+        format!("{} by {} m", number(width), number(height))
+    };
+    output::warning(&format!(
+        "{}: with cells of {} m this is a map of {}; it was made of cells of {} m, and {}",
+        map.display(),
+        number(cell_size_m),
+        size(cell_size_m),
+        number(cell_m),
+        size(cell_m)
+    ));
+    output::hint(&format!(
+        "{} says so; --cell-size {cell_m} keeps the world's size",
+        file.display()
+    ));
 }
 
 /// The robots of a fleet file, or all of one model; pebbles without either.

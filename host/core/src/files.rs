@@ -89,7 +89,8 @@ fn in_words(kind: FileType) -> &'static str {
     }
 }
 
-/// Reads a file of at most `limit` bytes.
+/// Reads a text file of at most `limit` bytes, without its byte order mark ([`unmarked`]): whatever
+/// reads text from a disk reads it through here.
 ///
 /// A missing file's error names the sibling whose name is nearest.
 pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
@@ -113,7 +114,26 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
             format!("the file is larger than the limit of {limit} bytes"),
         ));
     }
+    let mark = bytes.len() - unmarked(&name, &bytes)?.len();
+    bytes.drain(..mark);
     Ok(bytes)
+}
+
+/// A text without the byte order mark that Windows puts before UTF-8. Other encodings are an error
+/// that names them; `source` is the text's name in it.
+pub fn unmarked<'a>(source: &str, bytes: &'a [u8]) -> Result<&'a [u8], InputError> {
+    let encoding = match bytes {
+        [0xef, 0xbb, 0xbf, text @ ..] => return Ok(text),
+        [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => "UTF-32",
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+        // Without a mark every other byte of a plain text is 0, which no text in UTF-8 has.
+        [a, 0, b, 0, ..] | [0, a, 0, b, ..] if *a != 0 && *b != 0 => "UTF-16",
+        _ => return Ok(bytes),
+    };
+    let reason = format!("the file is text in {encoding}, and UTF-8 is read");
+    Err(InputError::new(source, reason).hint(format!(
+        "save it as UTF-8, or run `iconv -f {encoding} -t UTF-8 OLD > NEW`"
+    )))
 }
 
 /// Reads a file of at most `limit` bytes and parses it; errors name the file.
@@ -393,6 +413,18 @@ pub(crate) fn stem(path: &str) -> &str {
     }
 }
 
+/// Refuses a text whose lines end as on the first Macs: it would be one line.
+pub(crate) fn check_line_ends(source: &str, bytes: &[u8]) -> Result<(), InputError> {
+    let begins = &bytes[..bytes.len().min(1 << 16)];
+    if begins.contains(&b'\n') || !begins.trim_ascii_end().contains(&b'\r') {
+        return Ok(());
+    }
+    let reason = "the lines end with carriage returns alone, as on old Macs";
+    Err(InputError::new(source, reason)
+        .at_line(1)
+        .hint("save it with line ends of Unix or Windows, or run `tr '\\r' '\\n' < OLD > NEW`"))
+}
+
 /// Lines of a text file with their numbers from 1, without `\n` and `\r\n`.
 pub(crate) struct Lines<'a> {
     rest: Option<&'a [u8]>,
@@ -551,6 +583,34 @@ mod tests {
         let mut read = String::new();
         (&reader).take(4).read_to_string(&mut read).unwrap();
         assert_eq!(read, "text");
+    }
+
+    #[test]
+    fn byte_order_marks_are_left_out_and_other_encodings_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.map");
+        for (bytes, expected) in [
+            (&b"\xef\xbb\xbftype"[..], Ok(&b"type"[..])),
+            (b"\xef\xbb\xbf", Ok(b"")),
+            (b"type", Ok(b"type")),
+            (b"", Ok(b"")),
+            (b"\xff\xfet\0", Err("UTF-16")),
+            (b"\xfe\xff\0t", Err("UTF-16")),
+            (b"t\0y\0", Err("UTF-16")),
+            (b"\0t\0y", Err("UTF-16")),
+            (b"\xff\xfe\0\0t\0\0\0", Err("UTF-32")),
+        ] {
+            fs::write(&path, bytes).unwrap();
+            let read = read_file(&path, 100);
+            match expected {
+                Ok(text) => assert_eq!(read.as_deref(), Ok(text)),
+                Err(encoding) => {
+                    let error = read.unwrap_err();
+                    assert!(error.reason.contains(encoding), "{error}");
+                    assert!(error.hint.unwrap().contains("save it as UTF-8"));
+                }
+            }
+        }
     }
 
     fn names(folder: &Path) -> Vec<String> {

@@ -179,6 +179,13 @@ impl Grid {
         })
     }
 
+    /// The same map under another name.
+    #[must_use]
+    pub fn named(self, name: impl Into<String>) -> Self {
+        let name = name.into();
+        Self { name, ..self }
+    }
+
     /// The same map with a mask of allowed moves per cell, as [`Grid::move_mask`] gives them. Masks
     /// that allow all moves of the terrain are not kept: they are the plain map.
     pub fn with_moves(mut self, moves: Vec<u8>) -> Result<Self, MovesError> {

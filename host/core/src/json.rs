@@ -12,6 +12,7 @@ use serde::de::{
     self, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
 };
 
+use crate::formats::foreign;
 use crate::{Digest, InputError, shown};
 
 /// Stands between reason and hint in an error that passes through serde, which has room
@@ -28,6 +29,9 @@ pub fn read_object<'de, T: Deserialize<'de>>(
     match bytes.iter().position(|byte| !byte.is_ascii_whitespace()) {
         None => return Err(InputError::new(source, "the file is empty").hint(hint)),
         Some(at) if bytes[at] != b'{' => {
+            if let Some(kind) = foreign(bytes) {
+                return Err(kind.refused(source));
+            }
             // Serde would take a list for the fields in order.
             let line = bytes[..at].split(|byte| *byte == b'\n');
             let number = line.clone().count() as u64;

@@ -38,10 +38,10 @@ pub use annotation_file::{
     AnnotationFile, load_annotations, read_annotations, save_annotations, write_annotations,
 };
 pub use digest::{Digest, Hasher};
-pub use error::{InputError, nearest};
+pub use error::{InputError, nearest, short_numbers};
 pub use files::{
     create_output, is_unseen, load_file, missing_hint, open_input, open_regular, read_file, shown,
-    write_all_atomically, write_atomically,
+    unmarked, write_all_atomically, write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{

@@ -2,24 +2,28 @@
 //!
 //! The format is that of Sturtevant's "Benchmarks for Grid-Based Pathfinding"
 //! (2012): a header of `type octile`, `height H` and `width W`, the line `map`,
-//! and `H` lines of `W` letters. `\r\n` line ends and blank lines at the end
-//! are accepted; anything else that differs is an error that says where.
+//! and `H` lines of `W` letters. `\r\n` line ends, blank lines at the end, a header in capitals and
+//! one without `type` (many solvers come with such maps) are accepted; anything else that differs
+//! is an error that says where.
 //!
 //! Beside the letters of the benchmarks there are those of [`Role`](crate::Role)s,
-//! `e` and `w`. Maps in JSON, those of LSMART and those of this project with allowed moves, are
-//! read in place of a `.map` file wherever one is.
+//! `e` and `w`. Maps in JSON, those of LSMART and those of this project with allowed moves, and those
+//! of RHCR, POGEMA and Continuous-CBS are read in place of a `.map` file wherever one is.
 
 use std::path::Path;
 
-use crate::files::{Lines, column, load_file, quote, stem, write_atomically};
-use crate::formats::{is_json, own_format, read_grid, read_lsmart, write_grid};
+use crate::files::{Lines, check_line_ends, column, load_file, quote, stem, write_atomically};
+use crate::formats::{
+    Format, foreign, is_json, own_format, read_ccbs_map, read_grid, read_lsmart, read_pogema,
+    read_rhcr, write_grid,
+};
 use crate::{Grid, InputError};
 
 /// Largest map file that is read, in bytes.
 pub const MAP_FILE_LIMIT: u64 = 4 * Grid::MAX_CELLS + 4096;
 
-/// Reads and parses a map file, by its content a `.map` file, one of this project or one of
-/// LSMART; the map's name is the file's stem.
+/// Reads and parses a map file, by its content a `.map` file, one of this project, of LSMART, RHCR,
+/// POGEMA or Continuous-CBS; the map's name is the file's stem.
 pub fn load_map(path: impl AsRef<Path>) -> Result<Grid, InputError> {
     load_file(path, MAP_FILE_LIMIT, read_map)
 }
@@ -33,6 +37,16 @@ pub fn read_map(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
             _ => read_lsmart(source, bytes),
         };
     }
+    match Format::guess(Path::new(source), bytes) {
+        Some(Format::Rhcr) => return read_rhcr(source, bytes),
+        Some(Format::CcbsMap) => return read_ccbs_map(source, bytes),
+        Some(Format::Pogema) => return read_pogema(source, bytes).map(|(grid, _)| grid),
+        _ => {}
+    }
+    if let Some(kind) = foreign(bytes) {
+        return Err(kind.refused(source));
+    }
+    check_line_ends(source, bytes)?;
     let mut lines = Lines::new(bytes);
     let header = read_header(source, &mut lines)?;
     let (rows, cols) = (header.rows, header.cols);
@@ -53,16 +67,15 @@ pub fn read_map(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
             .hint("the file is truncated, or its height is wrong"));
         };
         last_line = number;
-        read_row(source, number, row, cols, line, &mut terrain)?;
+        read_row(source, number, row, &header, line, &mut terrain)?;
     }
     if !lines.only_blank_left() {
         let extra = lines.find(|(_, line)| !line.trim_ascii().is_empty());
-        let number = extra.map_or(last_line + 1, |(number, _)| number);
-        return Err(
-            InputError::new(source, format!("the map goes on after its {rows} rows"))
-                .at(number, 1)
-                .hint("the header's height is wrong, or lines were added at the end"),
-        );
+        let (number, line) = extra.unwrap_or((last_line + 1, b""));
+        let reason = format!("the map goes on after its {rows} rows with {}", quote(line));
+        return Err(InputError::new(source, reason)
+            .at(number, 1)
+            .hint("the header's height is wrong, or lines were added at the end: remove them"));
     }
     Grid::new(stem(source), rows, cols, terrain).map_err(|error| InputError {
         source: source.to_owned(),
@@ -94,12 +107,15 @@ fn read_header(source: &str, lines: &mut Lines<'_>) -> Result<Header, InputError
             return Err(fault(0, "blank line in the header".into())
                 .hint("the header is 'type octile', 'height H', 'width W', 'map'"));
         };
-        if kind.is_none() && key != b"type" {
-            return Err(fault(
-                key_at,
-                format!("expected 'type octile', found {}", quote(line)),
-            )
-            .hint("is this a MovingAI .map file?"));
+        let key = key.to_ascii_lowercase();
+        let is_first = kind.is_none() && height.is_none() && width.is_none();
+        if is_first && !matches!(&*key, b"type" | b"height" | b"width" | b"map") {
+            let reason = format!("expected 'type octile', found {}", quote(line));
+            return Err(fault(key_at, reason).hint(if key.starts_with(b"#") {
+                "map files have no comments: remove the line"
+            } else {
+                "is this a MovingAI .map file?"
+            }));
         }
         let value = words.next();
         if let Some((extra_at, extra)) = words.next() {
@@ -108,7 +124,7 @@ fn read_header(source: &str, lines: &mut Lines<'_>) -> Result<Header, InputError
                 format!("unexpected {} in the header", quote(extra)),
             ));
         }
-        match (key, value) {
+        match (&*key, value) {
             (b"map", None) => {
                 let missing = |what: &str| {
                     fault(key_at, format!("the header has no {what}"))
@@ -146,7 +162,9 @@ fn read_header(source: &str, lines: &mut Lines<'_>) -> Result<Header, InputError
                     ));
                 }
                 match value {
-                    Some((_, b"octile")) => kind = Some(number),
+                    Some((_, kind_of_map)) if kind_of_map.eq_ignore_ascii_case(b"octile") => {
+                        kind = Some(number);
+                    }
                     Some((at, other)) => {
                         return Err(fault(
                             at,
@@ -216,10 +234,11 @@ fn read_row(
     source: &str,
     number: u64,
     row: u32,
-    cols: u32,
+    header: &Header,
     line: &[u8],
     terrain: &mut Vec<u8>,
 ) -> Result<(), InputError> {
+    let cols = header.cols;
     let letters = &line[..line.len().min(cols as usize)];
     if let Some(at) = letters
         .iter()
@@ -233,10 +252,7 @@ fn read_row(
         let reason = format!("unknown terrain letter {letter} in map row {row}");
         return Err(InputError::new(source, reason)
             .at(number, column(line, at))
-            .hint(format!(
-                "terrain letters are {}",
-                String::from_utf8_lossy(Grid::LETTERS)
-            )));
+            .hint(LETTERS_HINT));
     }
     if line.len() != cols as usize {
         let found = String::from_utf8_lossy(line).chars().count();
@@ -244,6 +260,8 @@ fn read_row(
         let error = InputError::new(source, reason).at(number, column(line, letters.len()));
         return Err(if line.last().is_some_and(u8::is_ascii_whitespace) {
             error.hint("remove the blanks at the end of the line")
+        } else if row == 0 && found as u64 == u64::from(header.rows) {
+            error.hint("are height and width in the header exchanged?")
         } else {
             error
         });
@@ -251,6 +269,8 @@ fn read_row(
     terrain.extend_from_slice(line);
     Ok(())
 }
+
+const LETTERS_HINT: &str = "terrain letters are .GSEew, which are free, and @OTW, which are not";
 
 /// Words of a header line with their byte offsets.
 fn words(line: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {

@@ -17,8 +17,8 @@
 //! }
 //! ```
 //!
-//! `format`, `rows`, `cols` and `paths` are needed, the rest is optional and
-//! unknown keys are refused. Keys may come in any order. `paths` has one entry
+//! `paths` is needed, and `rows` and `cols` where nothing else says how large the map is. The rest is
+//! optional and unknown keys are refused. Keys may come in any order. `paths` has one entry
 //! per agent, in the order of the instance, from time 0 to its last arrival;
 //! `encoding` says how each is written:
 //!
@@ -42,6 +42,7 @@ use serde::Deserialize;
 use serde::de::{self, DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 use crate::files::{load_file, write_atomically};
+use crate::formats::MapSize;
 use crate::json::{self, Listed, ReadList, check_digest, push_lines, push_list, read_object};
 use crate::path_list::{Paths, ReadPaths};
 use crate::{Digest, Grid, GridInstance, GridPlan, InputError, OFF_MAP, PathEncoding, moves};
@@ -142,30 +143,45 @@ pub fn load_plan(path: impl AsRef<Path>) -> Result<PlanFile, InputError> {
 
 /// Parses the content of a plan file. `source` is named in errors.
 pub fn read_plan(source: &str, bytes: &[u8]) -> Result<PlanFile, InputError> {
-    let hint = "a plan file is a JSON object with format, rows, cols and paths";
-    read_object::<Document>(source, bytes, hint)?.into_plan_file(source)
+    read_plan_on(source, bytes, None)
+}
+
+/// The same of a plan on a map whose size is known, which the file need not say then.
+pub fn read_plan_on(
+    source: &str,
+    bytes: &[u8],
+    size: Option<MapSize>,
+) -> Result<PlanFile, InputError> {
+    let hint = "a plan file is a JSON object with paths, and with rows and cols of its map";
+    read_object::<Document>(source, bytes, hint)?.into_plan_file(source, size)
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a plan: a JSON object")]
 struct Document {
-    #[serde(deserialize_with = "format")]
+    #[serde(default, deserialize_with = "format")]
     format: (),
     planner: Option<String>,
     instance_digest: Option<Digest>,
     plan_digest: Option<Digest>,
     map: Option<String>,
-    rows: u32,
-    cols: u32,
+    rows: Option<u32>,
+    cols: Option<u32>,
     #[serde(default)]
     encoding: PathEncoding,
     paths: Paths<RawPaths>,
 }
 
 impl Document {
-    fn into_plan_file(self, source: &str) -> Result<PlanFile, InputError> {
+    fn into_plan_file(self, source: &str, size: Option<MapSize>) -> Result<PlanFile, InputError> {
         let () = self.format;
-        let (rows, cols) = (self.rows, self.cols);
+        let rows = self.rows.or(size.map(|size| size.rows));
+        let cols = self.cols.or(size.map(|size| size.cols));
+        let (Some(rows), Some(cols)) = (rows, cols) else {
+            let reason = "the file does not say how large its map is";
+            return Err(InputError::new(source, reason)
+                .hint("name the map with --map FILE, or give the file `rows` and `cols`"));
+        };
         let cells = u64::from(rows) * u64::from(cols);
         if cells == 0 || cells > Grid::MAX_CELLS {
             let reason = format!("a map of {rows} rows and {cols} columns is empty or too large");

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::files::{Lines, column, load_file, quote, stem, write_atomically};
+use crate::files::{Lines, check_line_ends, column, load_file, quote, stem, write_atomically};
 use crate::{Connectivity, Grid, GridInstance, GridSearch, InputError, InstanceError};
 
 /// Largest `.scen` file that is read, in bytes.
@@ -49,21 +49,33 @@ pub struct Scenario {
 
 impl Scenario {
     /// A scenario of starts and goals, cells of `grid`, with the lengths of shortest
-    /// paths; a goal that is out of reach has length 0. `map` is the map's file.
+    /// paths, which take a search each; a goal that is out of reach has length 0. `map` is the map's
+    /// file.
     pub fn of(grid: &Grid, map: &str, agents: impl IntoIterator<Item = (u32, u32)>) -> Self {
         let mut search = GridSearch::new(grid);
-        let entry = |(start, goal): (u32, u32)| {
+        let agents = agents.into_iter().map(|(start, goal)| {
             let length = search.octile(start, goal).unwrap_or_default().cells();
-            ScenarioEntry {
-                line: 0,
-                bucket: (length / 4.0).floor() as u32,
-                map: map.to_owned(),
-                map_cols: grid.cols(),
-                map_rows: grid.rows(),
-                start: grid.row_col(start),
-                goal: grid.row_col(goal),
-                optimal_length: length,
-            }
+            ((start, goal), length)
+        });
+        let agents: Vec<_> = agents.collect();
+        Self::with_lengths(grid, map, agents)
+    }
+
+    /// The same where lengths are known, or taken to be 0.
+    pub fn with_lengths(
+        grid: &Grid,
+        map: &str,
+        agents: impl IntoIterator<Item = ((u32, u32), f64)>,
+    ) -> Self {
+        let entry = |((start, goal), length): ((u32, u32), f64)| ScenarioEntry {
+            line: 0,
+            bucket: (length / 4.0).floor() as u32,
+            map: map.to_owned(),
+            map_cols: grid.cols(),
+            map_rows: grid.rows(),
+            start: grid.row_col(start),
+            goal: grid.row_col(goal),
+            optimal_length: length,
         };
         Self {
             source: format!("{}.scen", grid.name()),
@@ -79,8 +91,9 @@ impl Scenario {
     /// The instance of the first `agents` entries on `grid`.
     ///
     /// Everything that can be wrong is an error that names the scenario's line:
-    /// too few entries, entries for another map, starts or goals outside the map,
-    /// on obstacles or twice among those agents, goals out of reach.
+    /// too few entries, entries for a map of another size, starts or goals outside the map,
+    /// on obstacles or twice among those agents, goals out of reach. A map of another name is none:
+    /// see [`Scenario::check_name`].
     pub fn instance(
         &self,
         grid: Arc<Grid>,
@@ -106,7 +119,7 @@ impl Scenario {
         let mut starts = Vec::with_capacity(agents);
         let mut goals = Vec::with_capacity(agents);
         for entry in entries {
-            self.check_map(entry, &grid)?;
+            self.check_size(entry, &grid)?;
             for (what, at, cells) in [
                 ("start", entry.start, &mut starts),
                 ("goal", entry.goal, &mut goals),
@@ -129,25 +142,39 @@ impl Scenario {
             .map_err(|error| self.instance_fault(&error))
     }
 
-    fn check_map(&self, entry: &ScenarioEntry, grid: &Grid) -> Result<(), InputError> {
+    /// Refuses a map of another name than that which the entries name.
+    pub fn check_name(&self, grid: &Grid) -> Result<(), InputError> {
+        let mut entries = self.entries.iter();
+        let Some(entry) = entries.find(|entry| stem(&entry.map) != grid.name()) else {
+            return Ok(());
+        };
         let named = stem(&entry.map);
-        if named != grid.name() {
-            let reason = format!("the scenario is for map {named}, not for {}", grid.name());
-            let hint = format!("use the map {}", entry.map);
-            return Err(self.fault(entry, reason).hint(hint));
+        let reason = format!("the scenario is for map {named}, not for {}", grid.name());
+        let hint = format!("use the map {}", entry.map);
+        Err(self.fault(entry, reason).hint(hint))
+    }
+
+    fn check_size(&self, entry: &ScenarioEntry, grid: &Grid) -> Result<(), InputError> {
+        let (rows, cols) = (grid.rows(), grid.cols());
+        if (entry.map_rows, entry.map_cols) == (rows, cols) {
+            return Ok(());
         }
-        if (entry.map_rows, entry.map_cols) != (grid.rows(), grid.cols()) {
-            let reason = format!(
-                "the scenario is for a map of {} rows and {} columns, but {named} has {} and {}",
-                entry.map_rows,
-                entry.map_cols,
-                grid.rows(),
-                grid.cols()
-            );
-            let hint = "scenario files give the width before the height";
-            return Err(self.fault(entry, reason).hint(hint));
-        }
-        Ok(())
+        let reason = format!(
+            "the scenario is for a map of {} rows and {} columns, but {} has {rows} and {cols}",
+            entry.map_rows,
+            entry.map_cols,
+            grid.name()
+        );
+        let hint = if (entry.map_cols, entry.map_rows) == (rows, cols) {
+            "scenario files give the width before the height".to_owned()
+        } else {
+            format!(
+                "use the map {}; if this is it, write its width {cols} and height {rows} as the third \
+                 and fourth field",
+                entry.map
+            )
+        };
+        Err(self.fault(entry, reason).hint(hint))
     }
 
     fn instance_fault(&self, error: &InstanceError) -> InputError {
@@ -215,16 +242,29 @@ pub fn load_scen(path: impl AsRef<Path>) -> Result<Scenario, InputError> {
 
 /// Parses the content of a `.scen` file. `source` is named in errors.
 pub fn read_scen(source: &str, bytes: &[u8]) -> Result<Scenario, InputError> {
+    check_line_ends(source, bytes)?;
     let mut lines = Lines::new(bytes);
     let mut entries = Vec::new();
     while !lines.only_blank_left() {
         let Some((number, line)) = lines.next() else {
             break;
         };
-        let is_version = line.trim_ascii_start().starts_with(b"version");
+        let begin = line.trim_ascii_start();
+        let is_version = is_version(begin);
         if is_version && number == 1 {
             read_version(source, number, line)?;
             continue;
+        }
+        if is_version || begin.starts_with(b"#") {
+            let what = if is_version {
+                "another version line"
+            } else {
+                "a comment"
+            };
+            let reason = format!("{what}, which scenarios do not have here");
+            return Err(InputError::new(source, reason)
+                .at(number, 1)
+                .hint("remove the line"));
         }
         entries.push(read_entry(source, number, line)?);
     }
@@ -243,8 +283,14 @@ pub fn read_scen(source: &str, bytes: &[u8]) -> Result<Scenario, InputError> {
     })
 }
 
+/// True of a line with the version, in whatever case.
+fn is_version(line: &[u8]) -> bool {
+    let word = line.get(..b"version".len());
+    word.is_some_and(|word| word.eq_ignore_ascii_case(b"version"))
+}
+
 fn read_version(source: &str, number: u64, line: &[u8]) -> Result<(), InputError> {
-    let value = line.trim_ascii().strip_prefix(b"version").unwrap_or(line);
+    let value = &line.trim_ascii()[b"version".len()..];
     match value.trim_ascii() {
         b"1" | b"1.0" if value.first().is_some_and(u8::is_ascii_whitespace) => Ok(()),
         other => {
@@ -317,7 +363,10 @@ fn read_entry(source: &str, number: u64, line: &[u8]) -> Result<ScenarioEntry, I
                 "the optimal length {} is not a number of 0 or more",
                 quote(length.as_bytes())
             );
-            place(length_at, reason)
+            let hint = length
+                .contains(',')
+                .then_some("write a point before its decimals");
+            place(length_at, reason).maybe_hint(hint)
         })?;
     let (map_at, map) = fields[1];
     if map.is_empty() {

@@ -631,7 +631,21 @@ pub(crate) fn ask<T>(
                 Some(words) => format!("{fault}; its last words were: {words}"),
                 None => fault.to_string(),
             };
-            notice(trouble, message);
+            // A generator that finds a goal closed or cut off is not at fault.
+            let is_refused = matches!(
+                fault,
+                Fault::Reported {
+                    status: Status::InvalidInput,
+                    ..
+                }
+            );
+            notice(
+                match trouble {
+                    EventKind::GeneratorFault if is_refused => EventKind::InvalidInstance,
+                    trouble => trouble,
+                },
+                message,
+            );
             None
         }
     }

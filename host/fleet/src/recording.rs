@@ -11,7 +11,7 @@ use std::path::Path;
 
 use fleetyard_abi::{Assignment, Kept, Kind, Motion};
 use fleetyard_core::json::{format, read_object};
-use fleetyard_core::{Digest, GridPlan, InputError, create_output, moves, open_regular};
+use fleetyard_core::{Digest, GridPlan, InputError, create_output, moves, open_regular, unmarked};
 use fleetyard_sim::trace::By;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
@@ -310,7 +310,7 @@ impl Recording {
         let Some((text, true)) = lines.next()? else {
             return Err(InputError::new(name.as_str(), "this is no recording").hint(HINT));
         };
-        let header: Header = read_object(&name, &text, HINT)?;
+        let header: Header = read_object(&name, unmarked(&name, &text)?, HINT)?;
         let first = text.len() as u64;
         let (mut bytes, mut rounds, mut end, mut torn) = (first, 0, None, false);
         let mut last: Option<(u64, u64)> = None;

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetyard_core::formats::{AgentList, Contents, Format, Parts, Written, own_format};
+use fleetyard_core::formats::{AgentList, Contents, Format, Known, Parts, Written, own_format};
 use fleetyard_core::{
     Connectivity, Grid, GridInstance, InputError, MAP_FILE_LIMIT, Scenario, cell_center_m,
     cell_of_point, map_bytes, read_file, read_map, write_all_atomically, write_roadmap, write_scen,
@@ -193,7 +193,7 @@ impl<'a> Given<'a> {
                     roadmap,
                     notes,
                     ..
-                } = Contents::read(&source.path(), &source.bytes, format, None)?;
+                } = Contents::read(&source.path(), &source.bytes, format, Known::default())?;
                 if roadmap.is_some() {
                     let hint = "make a grid of it: `fleetyard world grid TASK --roadmap FILE`";
                     return refuse("this is a roadmap, and no piece of ground".into(), hint);

@@ -191,10 +191,14 @@ impl<'de> ReadList<'de> for Numbers {
         }
         let headings = [heading_rad, trailer_rad].map(Option::unwrap_or_default);
         let numbers = [x_m, y_m, headings[0], headings[1]];
-        if numbers.iter().any(|number| number.abs() > Polygon::MOST_M) {
-            let reason = format!("[{x_m}, {y_m}] is too far or turned too often");
-            let hint = "give coordinates in metres and a heading in radians";
-            return Err(with_hint(&reason, Some(hint)));
+        let most = Polygon::MOST_M;
+        if x_m.abs() > most || y_m.abs() > most {
+            let reason = format!("[{x_m}, {y_m}] is farther than {most} m from the origin");
+            return Err(with_hint(&reason, Some(Polygon::FAR_HINT)));
+        }
+        if numbers.iter().any(|number| number.abs() > most) {
+            let reason = format!("[{x_m}, {y_m}] is turned by more than {most} radians");
+            return Err(with_hint(&reason, Some("give a heading in radians")));
         }
         Ok(State {
             x_m: x_m + 0.0,

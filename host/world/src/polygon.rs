@@ -76,7 +76,8 @@ impl PolygonError {
             Self::TooManyVertices { .. } => {
                 "simplify the outline, or divide it into several polygons"
             }
-            Self::NotFinite { .. } | Self::TooFar { .. } => "give coordinates in metres",
+            Self::NotFinite { .. } => "give coordinates in metres",
+            Self::TooFar { .. } => Polygon::FAR_HINT,
             Self::SameVertex { .. } => {
                 "give every corner once: the last is joined to the first without being repeated"
             }
@@ -97,6 +98,10 @@ impl Polygon {
 
     /// The largest coordinate, in metres.
     pub const MOST_M: f64 = 1e6;
+
+    /// Advice to who has coordinates beyond that, such as those of a map projection.
+    pub const FAR_HINT: &str = "coordinates are in metres and at most 1000000 from the origin: subtract one offset, such \
+                                as the lower left corner, from everything in the world and its tasks";
 
     /// A polygon from its corners in either order; the last is joined to the
     /// first. Takes time quadratic in the number of corners.

@@ -78,7 +78,16 @@ impl Mover {
                 .hint("give [time in s, x, y, heading] at least once"));
         }
         for (at, (time_s, pose)) in knots.iter().enumerate() {
-            if !(pose.is_finite() && pose.x.abs().max(pose.y.abs()) <= Polygon::MOST_M) {
+            if pose.is_finite() && pose.x.abs().max(pose.y.abs()) > Polygon::MOST_M {
+                let reason = format!(
+                    "knot {at} is at [{}, {}], farther than {} m from the origin",
+                    pose.x,
+                    pose.y,
+                    Polygon::MOST_M
+                );
+                return Err(InputError::new(source, reason).hint(Polygon::FAR_HINT));
+            }
+            if !pose.is_finite() {
                 return Err(InputError::new(source, format!("knot {at} is at no place"))
                     .hint("give coordinates in metres and a heading in radians"));
             }
@@ -255,8 +264,14 @@ impl<'de> Deserialize<'de> for Bounds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let [x0, y0, x1, y1] = <[f64; 4]>::deserialize(deserializer)?;
         let most = Polygon::MOST_M;
-        let is_near = [x0, y0, x1, y1].iter().all(|value| value.abs() <= most);
-        if !(is_near && x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
+        let is_far = [x0, y0, x1, y1].iter().any(|value| value.abs() > most);
+        if is_far {
+            let reason = format!(
+                "bounds_m is [{x0}, {y0}, {x1}, {y1}], farther than {most} m from the origin"
+            );
+            return Err(with_hint(&reason, Some(Polygon::FAR_HINT)));
+        }
+        if !(x1 - x0 >= Shape::RESOLUTION_M && y1 - y0 >= Shape::RESOLUTION_M) {
             let reason = format!("bounds_m is [{x0}, {y0}, {x1}, {y1}], which is no area");
             let hint = "give [left, bottom, right, top] in metres";
             return Err(with_hint(&reason, Some(hint)));
@@ -540,6 +555,23 @@ mod tests {
             let error = read_workspace("a.json", text.as_bytes()).unwrap_err();
             assert_eq!(error.to_string(), format!("a.json:{message}"));
             assert!(error.hint.is_some_and(|hint| !hint.is_empty()), "{message}");
+        }
+        // Coordinates of a map projection, and a number that would fill the screen.
+        for (from, to, place) in [
+            ("10, 5]", "4500000, 5]", "bounds_m is [0, 0, 4500000, 5]"),
+            ("[4.9, 2]]", "[4.9, 1e308]]", "vertex 3 is [4.9, 1e308]"),
+            ("[9, 9", "[9, 5200000", "knot 1 is at [5200000, 1]"),
+        ] {
+            let text = EXAMPLE.replacen(from, to, 1);
+            let error = read_workspace("a.json", text.as_bytes()).unwrap_err();
+            assert_eq!(
+                error.reason,
+                format!("{place}, farther than 1000000 m from the origin")
+            );
+            assert!(
+                error.hint.unwrap().contains("subtract one offset"),
+                "{from}"
+            );
         }
         for cut in 0..EXAMPLE.trim_end().len() {
             let error = read_workspace("a.json", &EXAMPLE.as_bytes()[..cut]).unwrap_err();

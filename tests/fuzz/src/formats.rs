@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fleetyard_core::formats::{
-    Contents, Format, MapSize, Parts, looks_transposed, read_libmrp, write_libmrp,
+    Contents, Format, Known, MapSize, Parts, looks_transposed, read_libmrp, write_libmrp,
 };
 
 use super::check_error;
@@ -24,12 +24,12 @@ pub fn run(data: &[u8]) {
         if matches!(format, Format::Lorr | Format::RoadmapPlan) {
             continue;
         }
-        match Contents::read(path, data, Some(format), Some(SIZE)) {
+        match Contents::read(path, data, Some(format), Known::size(Some(SIZE))) {
             Ok(contents) => check(&contents, format),
             Err(error) => check_error(&error, SOURCE, data),
         }
         if format.needs_map_size() {
-            let unknown = Contents::read(path, data, Some(format), None);
+            let unknown = Contents::read(path, data, Some(format), Known::default());
             check_error(&unknown.expect_err("no size"), SOURCE, data);
         }
     }
@@ -38,7 +38,9 @@ pub fn run(data: &[u8]) {
 fn check(contents: &Contents, format: Format) {
     assert_eq!(contents.format, format);
     assert_eq!(contents.grid.is_some(), format.carries_map());
-    assert_eq!(contents.agents.is_some(), format.carries_agents());
+    // Maps of POGEMA may have agents.
+    assert!(contents.agents.is_none() || format.carries_agents());
+    assert!(contents.agents.is_some() || !format.carries_agents() || format == Format::Pogema);
     assert_eq!(contents.plan.is_some(), format.carries_plan());
     assert_eq!(contents.roadmap.is_some(), format.carries_roadmap());
     let plane = contents.trajectories.is_some();
@@ -84,7 +86,12 @@ fn check(contents: &Contents, format: Format) {
             assert!(*to != Format::Plan);
             continue;
         };
-        let again = Contents::read(Path::new(SOURCE), &written.bytes, Some(*to), Some(size));
+        let again = Contents::read(
+            Path::new(SOURCE),
+            &written.bytes,
+            Some(*to),
+            Known::size(Some(size)),
+        );
         let again = again.expect("the same plan").plan.expect("a plan");
         assert_eq!(again.plan.trimmed(), plan.trimmed(), "{to}");
     }

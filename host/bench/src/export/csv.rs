@@ -1,7 +1,7 @@
 //! Comma-separated values as RFC 4180 has them: lines end with CR LF, quotes where
 //! they are needed, a header.
 
-use fleetyard_core::InputError;
+use fleetyard_core::{InputError, unmarked};
 
 use super::ExportError;
 use super::columns::{INCUMBENTS, Plan, field, plans};
@@ -87,6 +87,7 @@ fn why(row: &Row) -> String {
 /// Columns may be in any order, and optional ones may be missing. Empty fields of optional
 /// columns are absent.
 pub fn read_csv(source: &str, bytes: &[u8]) -> Result<Vec<Row>, InputError> {
+    let bytes = unmarked(source, bytes)?;
     let malformed = |error: &csv::Error| {
         let line = error.position().map(|at| line_at(bytes, at));
         let reason = match error.kind() {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use fleetyard_check::PathRule;
 use fleetyard_core::document::Place;
-use fleetyard_core::formats::{Contents, Format};
+use fleetyard_core::formats::{Contents, Format, Known};
 use fleetyard_core::{
     Connectivity, Digest, Grid, GridInstance, InputError, SCEN_FILE_LIMIT, find_map, load_map,
     read_file, read_scen,
@@ -266,7 +266,7 @@ impl InstanceSet {
                 let scenario = read_scen(&source, &bytes)?;
                 return Ok(Parts::Scenario(scenario));
             }
-            Contents::read(&path, &bytes, None, None)
+            Contents::read(&path, &bytes, None, Known::default())
                 .map(|contents| Parts::Other(Box::new(contents)))
         };
         let parts = read().map_err(blamed)?;
@@ -342,10 +342,17 @@ impl Parts {
     }
 
     fn instance(&self, grid: Arc<Grid>, agents: usize) -> Result<GridInstance, InputError> {
+        // A suite stays what it is: a map under another name is another map here.
         match self {
-            Self::Scenario(scenario) => scenario.instance(grid, agents, Connectivity::Four),
+            Self::Scenario(scenario) => {
+                scenario.check_name(&grid)?;
+                scenario.instance(grid, agents, Connectivity::Four)
+            }
             Self::Other(contents) => match &contents.agents {
-                Some(list) => list.instance(grid, Some(agents), Connectivity::Four),
+                Some(list) => {
+                    list.check_name(&grid)?;
+                    list.instance(grid, Some(agents), Connectivity::Four)
+                }
                 None => Err(InputError::new(
                     "agents",
                     "the file has no starts and goals",

@@ -14,11 +14,13 @@ use fleetyard_bench::{
     BenchError, Experiment, GivenOptions, Host, Plugin, Record, Robots, Row, Shard, number, run,
 };
 use fleetyard_check::PathRule;
-use fleetyard_core::{Grid, find_map, load_map, load_scen};
+use fleetyard_core::{Grid, find_map, load_scen};
 use serde::Serialize;
 
 use super::compare_task::{self, TaskViews};
-use crate::args::{BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, WorldArgs, word};
+use crate::args::{
+    BudgetArgs, EXECUTION, Format, INSTANCE, MapNameArgs, PLANNER, PluginArg, WorldArgs, word,
+};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{find_planner, host, sim_config};
@@ -33,6 +35,8 @@ pub(crate) struct Compare {
     /// each scenario]
     #[arg(long, short, help_heading = INSTANCE, value_name = "PATH", num_args = 1..)]
     map: Vec<PathBuf>,
+    #[command(flatten)]
+    map_name: MapNameArgs,
     /// Team sizes
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N,…", required_unless_present = "task", value_delimiter = ',')]
     agents: Vec<usize>,
@@ -335,7 +339,7 @@ fn instances(arguments: &Compare) -> Result<(Vec<SuiteInstance>, Vec<PathBuf>)> 
         let grid = if let Some(grid) = grids.get(&map) {
             Arc::clone(grid)
         } else {
-            let grid = Arc::new(load_map(&map)?);
+            let grid = Arc::new(arguments.map_name.load(&map)?);
             grids.insert(map, Arc::clone(&grid));
             grid
         };
@@ -347,6 +351,7 @@ fn instances(arguments: &Compare) -> Result<(Vec<SuiteInstance>, Vec<PathBuf>)> 
             )?;
             instances.push(SuiteInstance::of_file(file, instance));
         }
+        MapNameArgs::warn(scenario.check_name(&grid));
     }
     Ok((instances, grids.into_keys().collect()))
 }

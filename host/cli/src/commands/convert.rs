@@ -7,18 +7,18 @@ use std::sync::Arc;
 
 use clap::{ArgGroup, Args};
 use fleetyard_core::formats::{
-    AgentList, Contents, Format, Parts, Scale, TRANSPOSED_HINT, UnreadPlan, Written, grid_size,
-    looks_transposed,
+    AgentList, Contents, Format, Known, Lengths, Parts, Scale, TRANSPOSED_HINT, UnreadPlan,
+    Written, grid_size, looks_transposed,
 };
 use fleetyard_core::{
     Grid, GridInstance, InputError, MotionFile, PathEncoding, PlanFile, RoadmapPlanFile,
-    Separation, TrajectoryFile, load_map, write_all_atomically,
+    Separation, TrajectoryFile, write_all_atomically,
 };
 use fleetyard_sim::SimConfig;
 use fleetyard_views::{Problem, Representation, View, load_problem};
 
 use super::task::{Chosen, ViewArgs, place};
-use crate::args::{VIEW, file_format, word};
+use crate::args::{MapNameArgs, VIEW, file_format, word};
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::file_name;
 use crate::output;
@@ -57,6 +57,12 @@ pub(crate) struct Convert {
     /// Starts and goals, where FROM has none: a scenario, or another instance
     #[arg(long, short, value_name = "FILE")]
     scen: Option<PathBuf>,
+    #[command(flatten)]
+    map_name: MapNameArgs,
+    /// Search for the lengths of shortest paths that a scenario has per agent, which takes a while for
+    /// thousands on large maps [default: those of FROM, or 0]
+    #[arg(long)]
+    lengths: bool,
     /// Number of agents to use, from the first [default: those of the plan, or all]
     #[arg(long, short = 'n', value_name = "N")]
     agents: Option<usize>,
@@ -91,10 +97,16 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         let reason = "--separation is about the grid of a task, and there is none";
         return Err(Failure::new(Exit::Usage, reason).hint("name the task with --task FILE"));
     }
-    let named = arguments.map.as_deref().map(load_map).transpose()?;
+    let map = arguments.map.as_deref();
+    let named = map.map(|map| arguments.map_name.load(map)).transpose()?;
     let named = named.map(Arc::new);
-    let size = named.as_deref().map(grid_size);
-    let contents = Contents::load(from, arguments.from, size)?;
+    let scenario = arguments.scen.as_deref().map(load_agents).transpose()?;
+    let known = Known {
+        size: named.as_deref().map(grid_size),
+        agents: scenario.as_ref(),
+        team: arguments.agents,
+    };
+    let contents = Contents::load(from, arguments.from, known)?;
     for note in &contents.notes {
         output::note(note);
     }
@@ -114,7 +126,7 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         let named = arguments.map.as_deref().map(file_name);
         named.or_else(|| contents.map_file.clone())
     };
-    let parts = parts(arguments, &contents, named, map_file)?;
+    let parts = parts(arguments, &contents, named, scenario, map_file)?;
     let mut written = parts.write(format, &name)?;
     if with_map {
         let map = parts.write(Format::Map, &name)?;
@@ -365,6 +377,7 @@ fn parts(
     arguments: &Convert,
     contents: &Contents,
     named: Option<Arc<Grid>>,
+    scenario: Option<AgentList>,
     map_file: Option<String>,
 ) -> Result<Parts> {
     let two = |what: &str, option: &str| {
@@ -379,11 +392,9 @@ fn parts(
         (Some(grid), None) => Some(grid.clone()),
         (None, named) => named,
     };
-    let scenario = match (&arguments.scen, &contents.agents) {
-        (Some(_), Some(_)) => return Err(two("starts and goals", "--scen")),
-        (Some(path), None) => Some(load_agents(path)?),
-        (None, _) => None,
-    };
+    if scenario.is_some() && contents.agents.is_some() {
+        return Err(two("starts and goals", "--scen"));
+    }
     let list = scenario.as_ref().or(contents.agents.as_ref());
     let agents = arguments
         .agents
@@ -394,9 +405,21 @@ fn parts(
     }
     let instance = match (&grid, list) {
         (Some(grid), Some(list)) => {
-            Some(list.instance(grid.clone(), agents, arguments.view.grid.connectivity)?)
+            let instance = list.instance(grid.clone(), agents, arguments.view.grid.connectivity)?;
+            if contents.grid.is_none() {
+                MapNameArgs::warn(list.check_name(grid));
+            }
+            Some(instance)
         }
         _ => None,
+    };
+    // Lengths that a scenario has stay as they are.
+    let entries = list.map_or(&[][..], |list| list.agents.as_slice());
+    let known: Option<Vec<f64>> = entries.iter().map(|entry| entry.length).collect();
+    let lengths = match known {
+        _ if arguments.lengths => Lengths::Searched,
+        Some(lengths) => Lengths::Known(lengths),
+        None => Lengths::Unknown,
     };
     let mut plan = contents.plan.clone();
     if let (Some(file), Some(grid)) = (&plan, &grid) {
@@ -420,11 +443,12 @@ fn parts(
             cell_size_m: arguments.cell_size,
             step_s: arguments.step.unwrap_or(SimConfig::default().step_s),
         },
+        lengths,
     })
 }
 
 fn load_agents(path: &Path) -> Result<AgentList> {
-    let contents = Contents::load(path, None, None)?;
+    let contents = Contents::load(path, None, Known::default())?;
     contents.agents.ok_or_else(|| {
         let reason = format!("this is {}, without starts and goals", contents.format);
         InputError::new(path.display().to_string(), reason)
@@ -489,7 +513,10 @@ fn list() -> String {
                 (format.carries_plan(), "grid"),
                 (format.carries_trajectories(), "plane"),
             ]),
-            first(&[(format.needs_map_size(), "--map")]),
+            first(&[
+                (format.needs_starts(), "--map, --scen"),
+                (format.needs_map_size(), "--map"),
+            ]),
             format.about().to_owned(),
         ]
     });

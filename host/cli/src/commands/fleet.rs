@@ -35,7 +35,7 @@ use crate::args::{
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{draw_document, keep, trace_file};
 use crate::output;
-use crate::setup::{BUILT_IN, bodies, find_plugin, policy, robots, trust};
+use crate::setup::{BUILT_IN, bodies, find_plugin, policy, robots, trust, warn_of_cell_size};
 
 const PLANNING: &str = "Planning";
 const GOALS: &str = "Goals";
@@ -419,6 +419,7 @@ pub(crate) fn fleet(arguments: &Fleet, given: &ArgMatches) -> Result<Exit> {
         (config, bodies)
     } else {
         scene.remark(asked.rules);
+        warn_of_cell_size(&setup.map, grid, asked.cell_size);
         asked_config(&asked, &scene, given, &robots)?
     };
     let config = with_host(config, arguments);

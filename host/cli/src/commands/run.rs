@@ -15,7 +15,7 @@ use fleetyard_core::formats::{TRANSPOSED_HINT, grid_size, looks_transposed};
 use fleetyard_core::plan_file::{PlanFile, save_plan};
 use fleetyard_core::{
     GridInstance, GridPlan, InputError, PathEncoding, RoadmapPlanFile, Scenario, TrajectoryFile,
-    load_map, load_scen, save_annotations, save_roadmap_plan, save_trajectories,
+    load_scen, save_annotations, save_roadmap_plan, save_trajectories,
 };
 use fleetyard_runtime::{Attach, Follow, LogLine, Termination, interrupt_calls, interrupted_by};
 use fleetyard_view::{Layers, Picture, World};
@@ -25,13 +25,13 @@ use serde::Serialize;
 use super::simulate::Sinks;
 use super::task::{ViewArgs, claimed};
 use crate::args::{
-    BudgetArgs, EXECUTION, Format, INSTANCE, PLANNER, PluginArg, RECORDS, WorldArgs, Written,
-    picture, word,
+    BudgetArgs, EXECUTION, Format, INSTANCE, MapNameArgs, PLANNER, PluginArg, RECORDS, WorldArgs,
+    Written, picture, word,
 };
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::files::{draw, file_name};
 use crate::output;
-use crate::setup::{find_planner, host, map_of, sim_config};
+use crate::setup::{find_planner, host, map_of, sim_config, warn_of_cell_size};
 
 /// Run a planner on an instance under a budget and judge its plan.
 #[derive(Debug, Args)]
@@ -100,6 +100,8 @@ struct InstanceArgs {
     #[arg(long, short, help_heading = INSTANCE, value_name = "FILE", group = "cells",
           required_unless_present = "task")]
     scen: Option<PathBuf>,
+    #[command(flatten)]
+    map_name: MapNameArgs,
     /// Number of the scenario's entries or of the task's agents to use, from the first
     #[arg(long, short = 'n', help_heading = INSTANCE, value_name = "N", required_unless_present = "task")]
     agents: Option<usize>,
@@ -147,10 +149,10 @@ impl InstanceArgs {
         let (Some(found), Some(agents)) = (found, self.agents) else {
             return Err(Failure::new(Exit::Usage, "neither a scenario nor a task"));
         };
-        let grid = Arc::new(load_map(&found.map)?);
-        let instance = found
-            .scenario
-            .instance(grid, agents, view.grid.connectivity)?;
+        let grid = Arc::new(self.map_name.load(&found.map)?);
+        let scenario = &found.scenario;
+        let instance = scenario.instance(Arc::clone(&grid), agents, view.grid.connectivity)?;
+        MapNameArgs::warn(scenario.check_name(&grid));
         Ok(Question::Grid(instance))
     }
 
@@ -212,6 +214,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     let planner = find_planner(&host.runtime, &asked.plugin)?
         .attached(attach)
         .with_options(GivenOptions::Texts(asked.options));
+    let map = found.as_ref().map(|found| found.map.clone());
     let asked_instance = given.load(
         found,
         &arguments.view,
@@ -219,6 +222,10 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
         &host,
         &planner,
     )?;
+    let execute = arguments.execute || arguments.trace_out.is_some();
+    if let (Some(map), Question::Grid(instance), true) = (&map, &asked_instance, execute) {
+        warn_of_cell_size(map, instance.grid(), arguments.world.cell_size);
+    }
     let bar = output::spinner(&format!(
         "{} on {}, {} agents",
         planner.name,
@@ -227,7 +234,6 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit> {
     ));
     // Every tick: the trace is what other tools replay.
     let mut sinks = Sinks::create(arguments.trace_out.as_deref(), 1, None, bar.clone())?;
-    let execute = arguments.execute || arguments.trace_out.is_some();
     let printer = arguments.follow.then(Printer::start).transpose()?;
     let trial = Trial {
         host: &host,

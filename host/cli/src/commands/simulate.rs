@@ -9,7 +9,9 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use fleetyard_bench::{ExecutionInfo, execute, number};
 use fleetyard_check::PathRule;
-use fleetyard_core::formats::{AnyPlan, Format as FileFormat, grid_size, load_plan_and_roadmap};
+use fleetyard_core::formats::{
+    AnyPlan, Format as FileFormat, Known, grid_size, load_plan_and_roadmap,
+};
 use fleetyard_core::{Grid, InputError, Roadmap, TrajectoryPlan, load_map};
 use fleetyard_sim::noise::TwistNoise;
 use fleetyard_sim::trace::{Header, States, Summary, TraceOptions, Waiting};
@@ -29,7 +31,7 @@ use crate::args::{
 use crate::exit::{Exit, Failure, Result};
 use crate::files::{Unnamed, draw, keep, trace_file};
 use crate::output;
-use crate::setup::{bodies, check_rule, robots, sim_config};
+use crate::setup::{bodies, check_rule, robots, sim_config, warn_of_cell_size};
 
 /// Execute a plan in the simulator.
 ///
@@ -197,6 +199,9 @@ impl Scene {
             return Self::of_task(arguments, task);
         }
         let grid = arguments.map.as_deref().map(load_map).transpose()?;
+        if let (Some(map), Some(grid)) = (&arguments.map, &grid) {
+            warn_of_cell_size(map, grid, config.cell_size_m);
+        }
         let workspace = arguments.workspace.as_deref();
         let workspace = workspace.map(load_workspace).transpose()?;
         let (plan, roadmap) = load_plan(arguments, grid.as_ref())?;
@@ -351,7 +356,7 @@ fn happened(mishap: Mishap, execution: &ExecutionInfo) -> Option<String> {
 /// The plan, of which one on a grid has to fit the map, and the roadmap that it goes along.
 fn load_plan(arguments: &Simulate, grid: Option<&Grid>) -> Result<(AnyPlan, Option<Arc<Roadmap>>)> {
     let (path, format) = (&arguments.plan, arguments.from);
-    let (plan, roadmap) = load_plan_and_roadmap(path, format, grid.map(grid_size))?;
+    let (plan, roadmap) = load_plan_and_roadmap(path, format, Known::size(grid.map(grid_size)))?;
     if let AnyPlan::Grid(file) = &plan {
         let Some(grid) = grid else {
             let name = arguments.plan.display().to_string();

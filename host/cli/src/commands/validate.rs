@@ -8,15 +8,16 @@ use clap::{ArgGroup, Args};
 use fleetyard_bench::number;
 use fleetyard_check::{PathRule, Terms, Verdict, metrics, validate_paths, validate_terms};
 use fleetyard_core::formats::{
-    AnyPlan, Format as FileFormat, TRANSPOSED_HINT, grid_size, load_any_plan, looks_transposed,
+    AgentList, AnyPlan, Format as FileFormat, Known, TRANSPOSED_HINT, grid_size, load_any_plan,
+    looks_transposed,
 };
-use fleetyard_core::{Digest, InputError, load_map, load_scen};
+use fleetyard_core::{Digest, InputError, load_scen};
 use serde::Serialize;
 
 use super::task::TaskArgs;
 use super::validate_plane::{PlaneArgs, judge};
 use super::verdict::{Unlisted, write_verdict};
-use crate::args::{Format, file_format, word};
+use crate::args::{Format, MapNameArgs, file_format, word};
 use crate::exit::{Exit, Failure, Result};
 use crate::output;
 use crate::setup::{check_rule, map_of};
@@ -29,28 +30,17 @@ use crate::setup::{check_rule, map_of};
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("cells").multiple(true))]
 pub(crate) struct Validate {
-    /// Map file: MovingAI, fleetyard.grid/1 or LSMART, or a folder with NAME.map [default: the folder of
-    /// the scenario]
-    #[arg(long, short, value_name = "PATH", group = "cells",
-          required_unless_present_any = ["scen", "world", "task"])]
+    /// Map file, in any format that `fleetyard convert --list` lists, or a folder with NAME.map; a plan on a
+    /// grid needs it [default: the folder of the scenario]
+    #[arg(long, short, value_name = "PATH", group = "cells")]
     map: Option<PathBuf>,
-    /// MovingAI scenario file, with starts and goals
-    #[arg(
-        long,
-        short,
-        value_name = "FILE",
-        group = "cells",
-        required_unless_present_any = ["robots", "task"]
-    )]
+    /// MovingAI scenario file, with starts and goals; a plan on a grid needs it
+    #[arg(long, short, value_name = "FILE", group = "cells")]
     scen: Option<PathBuf>,
+    #[command(flatten)]
+    map_name: MapNameArgs,
     /// Number of the scenario's entries to use, from the first
-    #[arg(
-        long,
-        short = 'n',
-        value_name = "N",
-        requires = "scen",
-        required_unless_present_any = ["robots", "task"]
-    )]
+    #[arg(long, short = 'n', value_name = "N", requires = "scen")]
     agents: Option<usize>,
     /// Rule for the motion between two cells of a path
     #[arg(long, value_parser = word::<PathRule>(), default_value_t)]
@@ -125,19 +115,34 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
         (Some(file), Some(scenario)) => Some(map_of(scenario, file, arguments.map.as_ref())?),
         _ => arguments.map.clone(),
     };
-    let grid = map.map(load_map).transpose()?.map(Arc::new);
-    let size = grid.as_deref().map(grid_size);
-    let plan = load_any_plan(&arguments.plan, arguments.from, size)?;
+    let grid = map.map(|map| arguments.map_name.load(&map)).transpose()?;
+    let grid = grid.map(Arc::new);
+    let agents = scenario.as_ref().map(AgentList::from);
+    let known = Known {
+        size: grid.as_deref().map(grid_size),
+        agents: agents.as_ref(),
+        team: arguments.agents,
+    };
+    let plan = load_any_plan(&arguments.plan, arguments.from, known)?;
     let instance = |agents| match (&scenario, &grid) {
         (Some(scenario), Some(grid)) => {
             let agents = arguments.agents.unwrap_or(agents);
             let instance =
                 scenario.instance(grid.clone(), agents, arguments.task.view.grid.connectivity)?;
+            MapNameArgs::warn(scenario.check_name(grid));
             Ok(Some(instance))
         }
         _ => Ok::<_, InputError>(None),
     };
     let file = match plan {
+        AnyPlan::Trajectories(file)
+            if plane.has_robots() && grid.is_none() && plane.world.is_none() =>
+        {
+            let reason = "this is a plan in the plane, and nothing says what stands there";
+            return Err(InputError::new(file.source, reason)
+                .hint("name the world with --world FILE, or a map with --map FILE")
+                .into());
+        }
         plan if arguments.plane.has_robots() => {
             let (plane, rule, listed) = (&arguments.plane, arguments.path_rule, arguments.listed());
             let report = judge(plane, rule, listed, grid.as_deref(), plan, instance)?;
@@ -160,13 +165,11 @@ pub(crate) fn validate(arguments: &Validate) -> Result<Exit> {
             .into());
         }
     };
-    let instance = instance(file.plan.agents())?;
-    // The command line asks for both where it asks for no robots.
-    let Some(instance) = instance else {
-        return Err(
-            Failure::new(Exit::Usage, "a plan on a grid needs a map and a scenario")
-                .hint("name them with --map FILE and --scen FILE"),
-        );
+    // With no number it would be valid whichever robots it leaves out.
+    let (Some(_), Some(instance)) = (arguments.agents, instance(file.plan.agents())?) else {
+        let reason = "a plan on a grid needs a map, a scenario and the number of agents";
+        return Err(Failure::new(Exit::Usage, reason)
+            .hint("name them with --map FILE, --scen FILE and --agents N"));
     };
     let size = grid_size(instance.grid());
     let rule = arguments.path_rule;

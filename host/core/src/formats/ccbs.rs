@@ -34,17 +34,25 @@
 //!
 //! On a roadmap `i` and `j` are x and y. On a grid, whose tasks name cells and not
 //! vertices, they are row and column.
+//!
+//! A map of a grid has rows of 0 (free) and 1 (not free), and a task on it starts and goals:
+//!
+//! ```xml
+//! <root><map><width>3</width><height>1</height><grid><row>0 1 0</row></grid></map></root>
+//! <root><agent start_i="0" start_j="0" goal_i="0" goal_j="2"/></root>
+//! ```
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use roxmltree::{Attribute, Document, Node};
 
-use super::MapSize;
-use crate::files::quote;
+use super::pibt2::whole_number;
+use super::{AgentEntry, AgentList, MapSize};
+use crate::files::{quote, stem};
 use crate::json::push_number;
 use crate::path_list::PLAN_MAX_AGENTS;
-use crate::{InputError, Knot, Roadmap, TrajectoryPlan};
+use crate::{Grid, InputError, Knot, Roadmap, TrajectoryPlan};
 
 /// The largest XML file that is read, in bytes: it is held as a tree of several times its
 /// size.
@@ -199,6 +207,99 @@ pub fn read_ccbs_roadmap(source: &str, bytes: &[u8]) -> Result<Roadmap, InputErr
         }
     }
     Roadmap::new(x_m, y_m, edges).map_err(|error| xml.error(graph, error.to_string()))
+}
+
+/// Parses a map of Continuous-CBS, which is a grid. `source` is named in errors, and its stem becomes
+/// the map's name.
+pub fn read_ccbs_map(source: &str, bytes: &[u8]) -> Result<Grid, InputError> {
+    let xml = Xml::parse(source, bytes)?;
+    let root = xml.root("root")?;
+    let within = |node, name: &'static str| {
+        let found = children(node, name).next();
+        found.ok_or_else(|| xml.error(node, format!("there is no element '{name}'")))
+    };
+    let map = within(root, "map")?;
+    let grid = within(map, "grid")?;
+    let mut terrain = Vec::new();
+    let (mut rows, mut cols) = (0, 0);
+    for row in children(grid, "row") {
+        let before = terrain.len();
+        for word in row.text().unwrap_or_default().split_whitespace() {
+            terrain.push(match word {
+                "0" => b'.',
+                "1" => b'@',
+                other => {
+                    let reason = format!("a cell is {}", quote(other.as_bytes()));
+                    return Err(xml
+                        .error(row, reason)
+                        .hint("a cell is 0 (free) or 1 (not free)"));
+                }
+            });
+        }
+        let found = terrain.len() - before;
+        if rows == 0 {
+            cols = found;
+        } else if found != cols {
+            let reason = format!("the row has {found} cells, but the first one has {cols}");
+            return Err(xml.error(row, reason));
+        }
+        rows += 1;
+    }
+    for (name, found) in [("width", cols), ("height", rows)] {
+        let Some(said) = children(map, name).next() else {
+            continue;
+        };
+        let text = said.text().unwrap_or_default().trim();
+        if text.parse() != Ok(found) {
+            let reason = format!(
+                "the {name} is {}, but that of the grid {found}",
+                quote(text.as_bytes())
+            );
+            return Err(xml.error(said, reason));
+        }
+    }
+    Grid::new(stem(source), rows as u32, cols as u32, terrain)
+        .map_err(|error| xml.error(grid, error.reason).maybe_hint(error.hint))
+}
+
+/// Parses a task of Continuous-CBS on a grid. `source` is named in errors. A task on a roadmap is an
+/// error that says what to do.
+pub fn read_ccbs_task(source: &str, bytes: &[u8]) -> Result<AgentList, InputError> {
+    let xml = Xml::parse(source, bytes)?;
+    let root = xml.root("root")?;
+    let mut agents = Vec::new();
+    for node in children(root, "agent") {
+        if node.has_attribute("start_id") {
+            let reason = "this is a task of Continuous-CBS on a roadmap, which is not read";
+            return Err(xml.error(node, reason).hint(
+                "convert its roadmap.xml to NAME.roadmap.json, and write a task file with the positions of \
+                 these vertices (docs/worlds.md#task-files); `fleetyard run --task` plans it on the roadmap",
+            ));
+        }
+        let number = |name: &str| {
+            let found = xml.attribute(node, name)?;
+            whole_number(found.value().trim()).ok_or_else(|| {
+                let value = quote(found.value().as_bytes());
+                let reason = format!("{name} is {value}, not a whole number of 0 or more");
+                xml.error_at(found.range_value().start, reason)
+            })
+        };
+        let start = (number("start_i")?, number("start_j")?);
+        let goal = (number("goal_i")?, number("goal_j")?);
+        let place = xml.document.text_pos_at(node.range().start);
+        agents.push(AgentEntry::new(u64::from(place.row), start, goal));
+        if agents.len() > PLAN_MAX_AGENTS {
+            return Err(xml.error(node, format!("more than {PLAN_MAX_AGENTS} agents")));
+        }
+    }
+    if agents.is_empty() {
+        return Err(xml.error(root, "there are no agents"));
+    }
+    Ok(AgentList {
+        source: source.to_owned(),
+        map_file: None,
+        agents,
+    })
 }
 
 /// The content of a roadmap for Continuous-CBS. It takes the number in a node's

@@ -9,16 +9,16 @@ use std::sync::{Arc, LazyLock};
 use regex::bytes::Regex;
 
 use super::{
-    AgentList, CcbsPlaces, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, libmrp,
-    lorr, lsmart, pibt2, planviz, psipp, read_grid, write_grid, write_lacam, write_mapf_visualizer,
-    write_paths_txt,
+    AgentList, CcbsPlaces, LacamHeader, Layout, MapSize, Pibt2Settings, ccbs, dynobench, foreign,
+    libmrp, lorr, lsmart, pibt2, planviz, pogema, psipp, read_grid, rhcr, tracker, write_grid,
+    write_lacam, write_mapf_visualizer, write_paths_txt,
 };
-use crate::plan_file::{PLAN_FILE_LIMIT, read_plan, write_plan};
+use crate::plan_file::{PLAN_FILE_LIMIT, read_plan_on, write_plan};
 use crate::{
     Digest, Grid, GridInstance, GridPlan, InputError, MotionFile, PathEncoding, PlanFile, Roadmap,
     RoadmapPlanFile, Scenario, TrajectoryFile, TrajectoryPlan, load_roadmap, read_file, read_map,
-    read_motions, read_roadmap, read_roadmap_plan, read_scen, read_trajectories, write_map,
-    write_roadmap, write_roadmap_plan, write_scen, write_trajectories,
+    read_motions, read_roadmap, read_roadmap_plan, read_scen, read_trajectories, unmarked,
+    write_map, write_roadmap, write_roadmap_plan, write_scen, write_trajectories,
 };
 
 /// Declares the formats in the order in which they are listed.
@@ -63,7 +63,11 @@ formats! {
     Map, "map", "m", "MovingAI map, whose cells may have roles";
     Grid, "grid", "m", "map of this project with allowed moves, fleetyard.grid/1";
     Lsmart, "lsmart", "m", "map of LSMART with endpoints and workstations (JSON)";
+    Rhcr, "rhcr", "m", "map of RHCR, .map or .grid (only read)";
+    Pogema, "pogema", "ma", "map of POGEMA, text or YAML, perhaps with starts and goals (only read)";
+    CcbsMap, "ccbs-map", "m", "map of Continuous-CBS, XML (only read)";
     Scen, "scen", "a", "MovingAI scenario";
+    CcbsTask, "ccbs-task", "a", "task of Continuous-CBS on a map, XML (only read)";
     Lacam, "lacam", "p", "result of lacam, lacam2, lacam3 and pibt2, (x,y) by time step";
     PathsTxt, "paths-txt", "p", "paths of CBSH2-RTC, EECBS, PBS and MAPF-LNS2, (row,col) by agent";
     MapfVisualizer, "mapf-visualizer", "p", "plan for mapf-visualizer, (x,y) by time step";
@@ -72,6 +76,7 @@ formats! {
     PlanViz, "planviz", "p", "result of the League of Robot Runners, as PlanViz shows it";
     Libmrp, "libmrp", "ma", "instance of libMultiRobotPlanning, YAML";
     LibmrpSchedule, "libmrp-schedule", "p", "schedule of libMultiRobotPlanning, YAML";
+    Tracker, "mapf-tracker", "p", "plans of the MAPF Tracker, CSV (only read)";
     Trajectories, "trajectories", "t", "trajectories of this project, fleetyard.trajectories/1";
     Roadmap, "roadmap", "r", "roadmap of this project, fleetyard.roadmap/1";
     RoadmapPlan, "roadmap-plan", "rt", "plan on a roadmap of this project, fleetyard.roadmap-plan/1";
@@ -124,7 +129,17 @@ impl Format {
 
     /// True if files of it are written, and not only read.
     pub fn is_written(self) -> bool {
-        !matches!(self, Self::CcbsLog | Self::PsippPlan | Self::Dynobench)
+        !matches!(
+            self,
+            Self::Rhcr
+                | Self::Pogema
+                | Self::CcbsMap
+                | Self::CcbsTask
+                | Self::Tracker
+                | Self::CcbsLog
+                | Self::PsippPlan
+                | Self::Dynobench
+        )
     }
 
     /// True if a file can only be read with the size of its map at hand.
@@ -132,18 +147,22 @@ impl Format {
         self.carries_plan() && self != Self::Plan
     }
 
+    /// True if a file can only be read with starts at hand.
+    pub fn needs_starts(self) -> bool {
+        self == Self::Tracker
+    }
+
     /// Reads a plan on a grid in this format, for commands and adapters alike: of so many
-    /// agents, or of as many as there are. `size` is that of the map, which many formats do
-    /// not say.
+    /// agents, or of as many as there are.
     pub fn read_plan(
         self,
         source: &str,
         bytes: &[u8],
-        size: Option<MapSize>,
+        known: Known<'_>,
         agents: Option<usize>,
     ) -> Result<PlanFile, InputError> {
         let known_size = || {
-            size.ok_or_else(|| {
+            known.size.ok_or_else(|| {
                 let reason =
                     format!("a file in the format {self} does not say how large its map is");
                 InputError::new(source, reason).hint("name the map with --map FILE")
@@ -151,12 +170,13 @@ impl Format {
         };
         let lines = |layout: Layout| layout.read(source, bytes, known_size()?, agents);
         let plan = match self {
-            Self::Plan => return read_plan(source, bytes),
+            Self::Plan => return read_plan_on(source, bytes, known.size),
             Self::Lacam => lines(Layout::lacam())?,
             Self::PathsTxt => lines(Layout::paths_txt())?,
             Self::MapfVisualizer => lines(Layout::mapf_visualizer())?,
             Self::LibmrpSchedule => libmrp::read_libmrp_schedule(source, bytes, known_size()?)?,
             Self::PlanViz => planviz::read_planviz(source, bytes, known_size()?)?,
+            Self::Tracker => tracker::read_tracker(source, bytes, known, agents.or(known.team))?,
             _ => {
                 let reason = format!("{self} is no format of plans on grids");
                 return Err(InputError::new(source, reason)
@@ -171,6 +191,10 @@ impl Format {
         let source = path.display().to_string();
         if bytes.trim_ascii().is_empty() {
             return Err(InputError::new(source, "the file is empty"));
+        }
+        // Whichever format somebody takes it for, by its name or otherwise.
+        if let Some(kind) = foreign(bytes) {
+            return Err(kind.refused(&source));
         }
         given.or_else(|| Self::guess(path, bytes)).ok_or_else(|| {
             let known: Vec<&str> = Self::ALL.iter().map(|format| format.name()).collect();
@@ -190,6 +214,20 @@ impl Format {
             Regex::new(&format!(r"(?m)^[{{ ]*({lines})")).ok()
         });
         static STEP: LazyLock<Option<Regex>> = LazyLock::new(|| Regex::new(r"^[0-9]+ *: *\(").ok());
+        static HEADER: LazyLock<Option<Regex>> =
+            LazyLock::new(|| Regex::new(r"^(?i:type|height|width)[ \t]+[^\s]+\s").ok());
+        static RHCR: LazyLock<Option<Regex>> = LazyLock::new(|| {
+            Regex::new(r"^(Grid size|[0-9]+ *, *[0-9]+\s*\n[0-9]+\s*\n[0-9]+\s*\n[0-9]+\s*\n)").ok()
+        });
+        // Rows of a map below a name, or one with an obstacle and nothing else.
+        static POGEMA: LazyLock<Option<Regex>> = LazyLock::new(|| {
+            let row = r"[ \t]*[.#!@$a-zA-Z]+[ \t\r]*";
+            let name = r#"(?:---\s*\n)?(?:#[^\n]*\n)*["']?[^"'\s:][^"':\n]*["']? *: *\|[-+0-9]*\s*\n[ \t]"#;
+            let alone = format!(
+                r"(?:{row}\n)*[ \t]*[.!@$a-zA-Z]*#[.#!@$a-zA-Z]*[ \t\r]*\n(?:{row}\n)*(?:{row})?$"
+            );
+            Regex::new(&format!(r"^(?:{name}{row}\n|{alone})")).ok()
+        });
         let text = bytes.trim_ascii_start();
         let text = &text[..text.len().min(HEAD)];
         let json = text.strip_prefix(b"{").map(<[u8]>::trim_ascii_start);
@@ -206,15 +244,27 @@ impl Format {
             });
         }
         if text.starts_with(b"<") {
-            let graph = contains(text, b"<graphml");
-            return Some(if graph {
+            return Some(if contains(text, b"<graphml") {
                 Self::CcbsRoadmap
+            } else if contains(text, b"<grid>") {
+                Self::CcbsMap
+            } else if contains(text, b"<agent") && !contains(bytes, b"<log") {
+                Self::CcbsTask
             } else {
                 Self::CcbsLog
             });
         }
-        if text.starts_with(b"type ") {
+        if found(&HEADER, text).is_some() {
             return Some(Self::Map);
+        }
+        if found(&RHCR, text).is_some() {
+            return Some(Self::Rhcr);
+        }
+        if tracker::is_tracker(text) {
+            return Some(Self::Tracker);
+        }
+        if found(&POGEMA, text).is_some() {
+            return Some(Self::Pogema);
         }
         if text.starts_with(b"Agent ") {
             return Some(Self::PathsTxt);
@@ -280,6 +330,27 @@ fn contains(text: &[u8], wanted: &[u8]) -> bool {
     text.windows(wanted.len()).any(|window| window == wanted)
 }
 
+/// What is known beside a file, which some formats do not say.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Known<'a> {
+    /// Rows and columns of the map.
+    pub size: Option<MapSize>,
+    /// Starts and goals.
+    pub agents: Option<&'a AgentList>,
+    /// The number of agents that is asked for, where a file has plans for several.
+    pub team: Option<usize>,
+}
+
+impl Known<'_> {
+    /// The size of the map alone, if at all.
+    pub fn size(size: Option<MapSize>) -> Self {
+        Self {
+            size,
+            ..Self::default()
+        }
+    }
+}
+
 /// The content of a file, in the terms of this crate.
 #[derive(Debug, Clone)]
 pub struct Contents {
@@ -306,17 +377,12 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Reads a file, in the format that it is in if none is given. `size` is that of
-    /// the map, which many formats do not say.
+    /// Reads a file, in the format that it is in if none is given.
     ///
     /// The path `-` is standard input.
-    pub fn load(
-        path: &Path,
-        format: Option<Format>,
-        size: Option<MapSize>,
-    ) -> Result<Self, InputError> {
+    pub fn load(path: &Path, format: Option<Format>, known: Known<'_>) -> Result<Self, InputError> {
         let (path, bytes) = read_input(path)?;
-        Self::read(&path, &bytes, format, size)
+        Self::read(&path, &bytes, format, known)
     }
 
     /// Parses the content of a file; its path is named in errors, and other files that
@@ -325,10 +391,11 @@ impl Contents {
         path: &Path,
         bytes: &[u8],
         format: Option<Format>,
-        size: Option<MapSize>,
+        known: Known<'_>,
     ) -> Result<Self, InputError> {
         let source = path.display().to_string();
         let source = source.as_str();
+        let bytes = unmarked(source, bytes)?;
         let format = Format::of(path, bytes, format)?;
         let mut contents = Self {
             format,
@@ -343,7 +410,7 @@ impl Contents {
             files: Vec::new(),
         };
         if format.carries_plan() {
-            let file = format.read_plan(source, bytes, size, None)?;
+            let file = format.read_plan(source, bytes, known, None)?;
             contents.map_file = file.map.as_ref().map(|name| format!("{name}.map"));
             contents.plan = Some(file);
             return Ok(contents);
@@ -358,6 +425,22 @@ impl Contents {
                 }
                 contents.grid = Some(Arc::new(map.grid));
             }
+            Format::Rhcr => {
+                let map = rhcr::read(source, bytes)?;
+                if map.weights {
+                    contents.notes = vec!["costs of moves other than 1 are not kept".into()];
+                }
+                contents.grid = Some(Arc::new(map.grid));
+            }
+            Format::Pogema => {
+                let (grid, agents) = pogema::read_pogema(source, bytes)?;
+                contents.grid = Some(Arc::new(grid));
+                contents.agents = agents;
+            }
+            Format::CcbsMap => {
+                contents.grid = Some(Arc::new(ccbs::read_ccbs_map(source, bytes)?));
+            }
+            Format::CcbsTask => contents.agents = Some(ccbs::read_ccbs_task(source, bytes)?),
             Format::Scen => contents.agents = Some(AgentList::from(&read_scen(source, bytes)?)),
             Format::Pibt2 => contents.agents = Some(pibt2::read_pibt2(source, bytes)?),
             Format::Libmrp => {
@@ -400,7 +483,7 @@ impl Contents {
                 contents.roadmap = Some(Arc::new(ccbs::read_ccbs_roadmap(source, bytes)?));
             }
             Format::CcbsLog => {
-                let places = size.map_or(CcbsPlaces::Unknown, CcbsPlaces::Grid);
+                let places = known.size.map_or(CcbsPlaces::Unknown, CcbsPlaces::Grid);
                 let plan = ccbs::read_ccbs_log(source, bytes, places)?;
                 contents.trajectories = Some(trajectory_file(source, plan));
             }
@@ -422,7 +505,8 @@ impl Contents {
             | Format::PathsTxt
             | Format::MapfVisualizer
             | Format::LibmrpSchedule
-            | Format::PlanViz => {}
+            | Format::PlanViz
+            | Format::Tracker => {}
         }
         if contents.map_file.is_none() {
             let list = contents.agents.as_ref();
@@ -520,23 +604,22 @@ impl AnyPlan {
     }
 }
 
-/// Reads a plan in whatever format. `size` is that of the map, which most formats of plans
-/// on grids need.
+/// Reads a plan in whatever format.
 pub fn load_any_plan(
     path: &Path,
     format: Option<Format>,
-    size: Option<MapSize>,
+    known: Known<'_>,
 ) -> Result<AnyPlan, InputError> {
-    load_plan_and_roadmap(path, format, size).map(|(plan, _)| plan)
+    load_plan_and_roadmap(path, format, known).map(|(plan, _)| plan)
 }
 
 /// The same with the roadmap that the plan goes along, if its file names one.
 pub fn load_plan_and_roadmap(
     path: &Path,
     format: Option<Format>,
-    size: Option<MapSize>,
+    known: Known<'_>,
 ) -> Result<(AnyPlan, Option<Arc<Roadmap>>), InputError> {
-    let contents = Contents::load(path, format, size)?;
+    let contents = Contents::load(path, format, known)?;
     let plan = contents.plan.map(AnyPlan::Grid);
     let plan = plan.or(contents.trajectories.map(AnyPlan::Trajectories));
     let plan = plan.ok_or_else(|| no_plan(path, contents.format))?;
@@ -566,7 +649,13 @@ impl UnreadPlan {
 
     /// The content of a file that was read; its path is named in errors, and other files that it names
     /// are found from its folder.
-    pub fn new(path: PathBuf, bytes: Vec<u8>, format: Option<Format>) -> Result<Self, InputError> {
+    pub fn new(
+        path: PathBuf,
+        mut bytes: Vec<u8>,
+        format: Option<Format>,
+    ) -> Result<Self, InputError> {
+        let mark = bytes.len() - unmarked(&path.display().to_string(), &bytes)?.len();
+        bytes.drain(..mark);
         let format = Format::of(&path, &bytes, format)?;
         if !(format.carries_plan() || format.carries_trajectories()) {
             return Err(no_plan(&path, format));
@@ -591,7 +680,7 @@ impl UnreadPlan {
     /// The plan on a grid of this size; an error if it is of another kind.
     pub fn grid(&self, size: MapSize) -> Result<PlanFile, InputError> {
         let format = self.format;
-        format.read_plan(&self.source(), &self.bytes, Some(size), None)
+        format.read_plan(&self.source(), &self.bytes, Known::size(Some(size)), None)
     }
 
     /// The plan on a roadmap, without its roadmap; an error if it is of another kind.
@@ -601,7 +690,8 @@ impl UnreadPlan {
 
     /// The plan in the plane; an error if it is on a grid.
     pub fn trajectories(&self) -> Result<TrajectoryFile, InputError> {
-        let contents = Contents::read(&self.path, &self.bytes, Some(self.format), None)?;
+        let contents =
+            Contents::read(&self.path, &self.bytes, Some(self.format), Known::default())?;
         let trajectories = contents.trajectories;
         trajectories.ok_or_else(|| no_plan(&self.path, self.format))
     }
@@ -652,6 +742,20 @@ pub struct Parts {
     pub trajectories: Option<TrajectoryFile>,
     /// The scale by which a plan on a grid becomes one in the plane.
     pub scale: Scale,
+    /// The lengths of shortest paths in a scenario.
+    pub lengths: Lengths,
+}
+
+/// Lengths of shortest paths, which scenarios have per agent and nothing else needs.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Lengths {
+    /// They are written as 0.
+    #[default]
+    Unknown,
+    /// Those of the agents, in their order.
+    Known(Vec<f64>),
+    /// They are searched for, which takes a while for many agents on large maps.
+    Searched,
 }
 
 /// The content of a file, and of those that belong to it.
@@ -739,9 +843,16 @@ impl Parts {
             Format::Lsmart => lsmart::write_lsmart(grid()?),
             Format::Scen => {
                 let instance = instance()?;
-                let agents = pairs(instance);
                 let map_file = map_file.unwrap_or_default();
-                write_scen(&Scenario::of(instance.grid(), &map_file, agents))
+                let grid = instance.grid();
+                let with = |lengths: &mut dyn Iterator<Item = f64>| {
+                    Scenario::with_lengths(grid, &map_file, pairs(instance).zip(lengths))
+                };
+                write_scen(&match &self.lengths {
+                    Lengths::Searched => Scenario::of(grid, &map_file, pairs(instance)),
+                    Lengths::Known(lengths) => with(&mut lengths.iter().copied()),
+                    Lengths::Unknown => with(&mut std::iter::repeat(0.0)),
+                })
             }
             Format::Plan => {
                 let mut file = plan()?.clone();
@@ -786,11 +897,23 @@ impl Parts {
                 others.push((others_name, write_roadmap(roadmap()?)));
                 write_roadmap_plan(&file)
             }
-            Format::CcbsLog | Format::PsippPlan | Format::Dynobench => {
+            Format::Rhcr
+            | Format::Pogema
+            | Format::CcbsMap
+            | Format::CcbsTask
+            | Format::Tracker
+            | Format::CcbsLog
+            | Format::PsippPlan
+            | Format::Dynobench => {
+                let instead = match format {
+                    Format::CcbsTask => Format::Scen,
+                    Format::Tracker => Format::Plan,
+                    format if format.carries_map() => Format::Map,
+                    _ => Format::Trajectories,
+                };
                 let reason = "files of this format are read and not written";
-                return Err(
-                    InputError::new(format.name(), reason).hint("write --to trajectories instead")
-                );
+                return Err(InputError::new(format.name(), reason)
+                    .hint(format!("write --to {instead} instead")));
             }
             Format::PathsTxt => write_paths_txt(&plan()?.plan, size(plan()?))?,
             Format::MapfVisualizer => write_mapf_visualizer(&plan()?.plan, size(plan()?))?,

@@ -13,11 +13,14 @@
 //! ```
 //!
 //! A schedule has the states of every agent under `schedule: agent0:`, each with
-//! `x`, `y` and `t`, and `statistics`, which is not kept. Some of its programs write
-//! one state for a wait of several steps: the agent is then where it was.
+//! `x`, `y` and `t`, and `statistics`, or figures beside it (`cost`, `makespan`, `runtime`), which are
+//! not kept. Some of its programs write one state for a wait of several steps: the agent is then where
+//! it was. Files of Python's dumper are read in its orders and styles, tuples (`!!python/tuple`) and
+//! floats (`1.0`) among them.
 //!
 //! Agents are counted by their order in an instance, and by the number in
-//! `agent<number>` in a schedule, which is how the library's programs name them.
+//! `agent<number>` in a schedule, which is how the library's programs name them. Other names with
+//! numbers after one word are ordered by those, and all others count as they come.
 //! Instances with `potentialGoals` ask for an assignment of goals and are refused, and
 //! so are those on a roadmap.
 
@@ -28,7 +31,7 @@ use super::layout::{check_paths, row_col};
 use super::pibt2::whole_number;
 use super::yaml::Yaml;
 use super::{AgentEntry, AgentList, MapSize};
-use crate::files::{quote, stem};
+use crate::files::{quote, shown, stem};
 use crate::path_list::PLAN_MAX_AGENTS;
 use crate::{Grid, GridPlan, InputError, OFF_MAP};
 
@@ -160,11 +163,11 @@ fn read_agents(yaml: &mut Yaml<'_>) -> Result<Vec<AgentEntry>, InputError> {
             Ok(())
         })?;
         let missing = |what: &str| yaml.error(place, format!("the agent has no {what}"));
-        agents.push(AgentEntry {
-            line: place.line() as u64,
-            start: start.ok_or_else(|| missing("start"))?,
-            goal: goal.ok_or_else(|| missing("goal"))?,
-        });
+        agents.push(AgentEntry::new(
+            place.line() as u64,
+            start.ok_or_else(|| missing("start"))?,
+            goal.ok_or_else(|| missing("goal"))?,
+        ));
         if agents.len() > PLAN_MAX_AGENTS {
             let reason = format!("more than {PLAN_MAX_AGENTS} agents");
             return Err(yaml.error(place, reason));
@@ -190,58 +193,81 @@ pub fn read_libmrp_schedule(
     size: MapSize,
 ) -> Result<GridPlan, InputError> {
     let mut yaml = Yaml::new(source, text(source, bytes)?)?;
-    let mut paths: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let mut paths: Vec<(String, Vec<u32>)> = Vec::new();
     let mut waits = 0;
     let mut found = None;
     let whole = yaml.mapping("a schedule", |yaml, key, place| {
         match key {
-            "statistics" => yaml.skip()?,
+            "statistics" | "cost" | "makespan" | "runtime" => yaml.skip()?,
             "schedule" => {
                 let schedule = yaml.mapping("the agents' states", |yaml, name, place| {
-                    let number = name.strip_prefix("agent").and_then(whole_number);
-                    let Some(number) = number else {
-                        let name = quote(name.as_bytes());
-                        return Err(yaml
-                            .error(place, format!("expected agent<number>, found {name}"))
-                            .hint("agents of a schedule are agent0, agent1, …"));
-                    };
                     let path = states(yaml, size, &mut waits)?;
                     if path.is_empty() {
-                        let reason = format!("there is no path for {name}");
+                        let reason = format!("there is no path for {}", shown(name));
                         return Err(yaml
                             .error(place, reason)
                             .hint("the planner did not find one for every agent"));
                     }
-                    if paths.insert(number, path).is_some() {
-                        return Err(yaml.error(place, format!("a second path for agent {number}")));
-                    }
+                    paths.push((name.to_owned(), path));
                     Ok(())
                 })?;
                 found = Some(schedule);
             }
-            key => return Err(unknown(yaml, key, place, "statistics, schedule")),
+            key => {
+                let known = "statistics, cost, makespan, runtime, schedule";
+                return Err(unknown(yaml, key, place, known));
+            }
         }
         Ok(())
     })?;
     if found.is_none() {
         return Err(yaml.error(whole, "there is no key `schedule`"));
     }
-    let mut plan = GridPlan::with_capacity(paths.len(), paths.values().map(Vec::len).sum());
     let agents = paths.len();
-    for (index, (number, path)) in (0..).zip(paths) {
-        if number != index {
-            let reason = format!(
-                "there is no path for agent{index}: {agents} agents, and {number} is one of them"
-            );
-            return Err(yaml.error(whole, reason));
-        }
-        plan.push_path(path);
-    }
     if agents == 0 {
         return Err(yaml.error(whole, "there are no agents in the schedule"));
     }
+    let cells = paths.iter().map(|(_, path)| path.len()).sum();
+    let paths = in_order(paths).map_err(|reason| yaml.error(whole, reason))?;
+    let mut plan = GridPlan::with_capacity(agents, cells);
+    for path in paths {
+        plan.push_path(path);
+    }
     yaml.finish()?;
     Ok(plan)
+}
+
+/// Paths in the order of their agents: by the numbers in their names, where those are one word and a
+/// number each, and as they came otherwise.
+fn in_order(paths: Vec<(String, Vec<u32>)>) -> Result<Vec<Vec<u32>>, String> {
+    let word_and_number = |name: &str| {
+        let word = name.trim_end_matches(|letter: char| letter.is_ascii_digit());
+        let number = whole_number(&name[word.len()..])?;
+        Some((word.to_owned(), number))
+    };
+    let names: Option<Vec<(String, u32)>> = paths
+        .iter()
+        .map(|(name, _)| word_and_number(name))
+        .collect();
+    let names = names.filter(|names| names.iter().all(|(word, _)| *word == names[0].0));
+    let paths = paths.into_iter().map(|(_, path)| path);
+    let Some(names) = names else {
+        return Ok(paths.collect());
+    };
+    let is_own = names[0].0 == "agent";
+    let (agents, mut numbered) = (names.len(), BTreeMap::new());
+    for ((_, number), path) in names.into_iter().zip(paths) {
+        if numbered.insert(number, path).is_some() {
+            return Err(format!("a second path for agent {number}"));
+        }
+    }
+    let mut numbers = (0..).zip(numbered.keys());
+    match numbers.find(|(index, number)| index != *number) {
+        Some((index, number)) if is_own => Err(format!(
+            "there is no path for agent{index}: {agents} agents, and {number} is one of them"
+        )),
+        _ => Ok(numbered.into_values().collect()),
+    }
 }
 
 /// The cells of an agent at times 0, 1, 2, ….
@@ -419,11 +445,10 @@ mod tests {
                 "expected a coordinate, found '1'",
             ),
             (
-                "map: {dimensions: &a [1, 2]}",
+                "map: !!python/object:a.Map {}",
                 "i:1:",
-                "anchors and tags are not accepted",
+                "the tag 'tag:yaml.org,2002:!python/object:a.Map' is not accepted",
             ),
-            ("map: !!map {}", "i:1:", "anchors and tags are not accepted"),
             ("map: {dimensions: *b}", "i:1:", "this is not YAML"),
             ("roadmap: {}", "i:1:1:", "the instance is on a roadmap"),
             (
@@ -480,7 +505,10 @@ mod tests {
         assert!(error.to_string().contains("unknown key 'a0'"), "{error}");
         let text = format!("statistics:\n  {}", text.replace('\n', "\n  "));
         let error = read_libmrp_schedule("i", text.as_bytes(), SIZE).expect_err("a bomb");
-        assert!(error.to_string().contains("anchors"), "{error}");
+        assert!(
+            error.to_string().contains("aliases of long values"),
+            "{error}"
+        );
         // Deep nesting takes no stack.
         let deep = format!("statistics: {}", "[".repeat(100_000));
         let error = read_libmrp_schedule("i", deep.as_bytes(), SIZE).expect_err("deep");
@@ -497,6 +525,44 @@ mod tests {
         assert_eq!(plan, GridPlan::from_paths([&[OFF_MAP][..], &[1, 2, 2, 2]]));
     }
 
+    /// The orders and styles of Python's dumper, and names of its users.
+    #[test]
+    fn schedules_of_python_are_read() {
+        let expected = GridPlan::from_paths([&[0, 1][..], &[4, 4]]);
+        for text in [
+            "cost: 3\nschedule:\n  agent0:\n  - {t: 0, x: 0, y: 0}\n  - {t: 1.0, x: 1.0, y: 0.0}\n\
+             \x20 agent1:\n  - &id001 {t: 0, x: 0, y: 1}\n  - {t: 1, x: 0, y: 1}\n",
+            "---\nschedule: {'agent1': [{t: 0, x: 0, y: 1}, {y: 1, x: 0, t: 1}], \"agent0\": \
+             [{t: 0, x: 0, y: 0}, {t: 1, x: 1, y: 0}]}\ncost: 3.0\nruntime: 0.1\n...\n",
+            "schedule:\n  robot10: [{t: 0, x: 0, y: 1}, {t: 1, x: 0, y: 1}]\n\
+             \x20 robot9: [{t: 0, x: 0, y: 0}, {t: 1, x: 1, y: 0}]\n",
+            "schedule:\n  carla: [{t: 0, x: 0, y: 0}, {t: 1, x: 1, y: 0}]\n\
+             \x20 bert: [{t: 0, x: 0, y: 1}, {t: 1, x: 0, y: 1}]\n",
+        ] {
+            let plan = read_libmrp_schedule("s", text.as_bytes(), SIZE);
+            assert_eq!(plan, Ok(expected.clone()), "{text}");
+        }
+    }
+
+    /// A position that the dumper wrote once for two agents, and tuples.
+    #[test]
+    fn tuples_and_short_aliases_are_read() {
+        let text = "agents:\n-   goal: &id001\n    - 2\n    - 1\n    start: !!python/tuple [0, 0]\n\
+                    -   goal: [0, 0]\n    start: *id001\nmap:\n    dimensions: !!python/tuple\n    - 3\n\
+                    \x20   - 2\n    obstacles:\n    - !!python/tuple [0, 1]\n";
+        let (grid, list) = read_libmrp("a.yaml", text.as_bytes()).expect("an instance");
+        assert_eq!(grid.terrain(), b"...@..");
+        let agents: Vec<_> = list
+            .agents
+            .iter()
+            .map(|agent| (agent.start, agent.goal))
+            .collect();
+        assert_eq!(agents, [((0, 0), (1, 2)), ((1, 2), (0, 0))]);
+        let text = text.replace("python/tuple [0, 1]", "python/object:a.B [0, 1]");
+        let error = read_libmrp("a.yaml", text.as_bytes()).expect_err("an object");
+        assert!(error.reason.contains("python/object:a.B"), "{error}");
+    }
+
     #[test]
     fn malformed_schedules_are_told_by_line_and_column() {
         let cases = [
@@ -510,7 +576,7 @@ mod tests {
             (
                 "schedule: {robot: []}",
                 "s:1:12:",
-                "expected agent<number>, found 'robot'",
+                "there is no path for robot",
             ),
             (
                 "schedule: {agent1: [{x: 0, y: 0, t: 0}]}",

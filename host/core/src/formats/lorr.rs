@@ -215,10 +215,8 @@ impl League {
                 .hint("every agent needs a goal of its own; write a smaller teamSize"));
         }
         let starts = self.starts.iter().zip(&self.start_lines);
-        let agents = starts.zip(goals).map(|((start, line), goal)| AgentEntry {
-            line: *line,
-            start: self.grid.row_col(*start),
-            goal: self.grid.row_col(goal),
+        let agents = starts.zip(goals).map(|((start, line), goal)| {
+            AgentEntry::new(*line, self.grid.row_col(*start), self.grid.row_col(goal))
         });
         Ok(LorrInstance {
             agents: AgentList {

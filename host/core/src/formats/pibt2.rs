@@ -130,11 +130,7 @@ fn entry(text: &str, line: u64) -> Result<AgentEntry, (usize, String)> {
         return Err((0, reason));
     }
     let [start_x, start_y, goal_x, goal_y] = values;
-    Ok(AgentEntry {
-        line,
-        start: (start_y, start_x),
-        goal: (goal_y, goal_x),
-    })
+    Ok(AgentEntry::new(line, (start_y, start_x), (goal_y, goal_x)))
 }
 
 /// Settings of the solver in an instance file. Those that are `None` are left to pibt2.
@@ -190,7 +186,7 @@ mod tests {
         let text = "## custom\nmap_file=arena.map\r\n\nagents=2\nseed=1\nrandom_problem=0\n\
                     max_timestep=1000\nmax_comp_time=5000\n# 9,9,9,9\n0,1,4,2\n3,1,3,0\n7,7,7,7\n";
         let list = read_pibt2("i.txt", text.as_bytes()).expect("an instance");
-        let entry = |line, start, goal| AgentEntry { line, start, goal };
+        let entry = AgentEntry::new;
         assert_eq!(list.map_file.as_deref(), Some("arena.map"));
         assert_eq!(
             list.agents,

@@ -5,7 +5,7 @@
 //! Of a result, `actionModel`, `teamSize`, `start`, `actualPaths` and `agentMaxCounter`
 //! are read; other keys are passed over, since each year has others. The first
 //! `teamSize` starts and paths are those of the team. A start is row, column and
-//! heading. A path is a text of actions from the start:
+//! heading, `E`, `S`, `W`, `N` or its number from 0 as in the Start-Kit. A path is a text of actions from the start:
 //!
 //! - model `MAPF_T`: `F` forward, `R` and `C` a quarter turn clockwise and counter-
 //!   clockwise, `W` wait, also `FW`, `CR`, `CCR`, and `T` and `NA` for waits;
@@ -24,7 +24,10 @@
 //! errand per agent, released at time 0 and finished when the agent has come to its
 //! goal for good.
 
+use std::fmt;
+
 use serde::Deserialize;
+use serde::de::{self, Deserializer, Unexpected, Visitor};
 use serde_json::json;
 
 use super::MapSize;
@@ -57,15 +60,47 @@ enum Model {
     Turning,
 }
 
-/// The heading of an agent, counted clockwise from east.
-#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+/// The heading of an agent, counted clockwise from east, as a letter or as its number from 0.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Heading {
     E,
     S,
     W,
     N,
-    #[serde(rename = "N/A")]
     None,
+}
+
+impl<'de> Deserialize<'de> for Heading {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Clone, Copy)]
+        struct Read;
+        impl Visitor<'_> for Read {
+            type Value = Heading;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a heading: E, S, W or N, its number 0, 1, 2 or 3, or N/A")
+            }
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Heading, E> {
+                match text {
+                    "E" | "0" => Ok(Heading::E),
+                    "S" | "1" => Ok(Heading::S),
+                    "W" | "2" => Ok(Heading::W),
+                    "N" | "3" => Ok(Heading::N),
+                    "N/A" | "-1" => Ok(Heading::None),
+                    other => Err(E::invalid_value(Unexpected::Str(other), &self)),
+                }
+            }
+            fn visit_i64<E: de::Error>(self, number: i64) -> Result<Heading, E> {
+                self.visit_str(&number.to_string())
+                    .map_err(|_: E| E::invalid_value(Unexpected::Signed(number), &self))
+            }
+            fn visit_u64<E: de::Error>(self, number: u64) -> Result<Heading, E> {
+                self.visit_str(&number.to_string())
+                    .map_err(|_: E| E::invalid_value(Unexpected::Unsigned(number), &self))
+            }
+        }
+        deserializer.deserialize_any(Read)
+    }
 }
 
 impl Heading {
@@ -457,8 +492,13 @@ mod tests {
             let text = result("MAPF_T", "[0, 0, \"E\"]", &format!("\"{path}\""), "");
             assert_eq!(read(&text), Ok(vec![turning.clone()]), "{path}");
         }
-        let text = result("MAPF_T", "[1, 1, \"N\"]", "\"C,F,C,F\"", "");
-        assert_eq!(read(&text), Ok(vec![vec![5, 5, 4, 4, 8]]));
+        for north in ["\"N\"", "3"] {
+            let start = format!("[1, 1, {north}]");
+            let text = result("MAPF_T", &start, "\"C,F,C,F\"", "");
+            assert_eq!(read(&text), Ok(vec![vec![5, 5, 4, 4, 8]]));
+        }
+        let text = result("MAPF_T", "[1, 1, 4]", "\"W\"", "");
+        assert!(read(&text).unwrap_err().contains("its number 0, 1, 2 or 3"));
         let text = result("MAPF", "[0, 0, \"N/A\"]", "\"U,R,D,L,W\"", "");
         assert_eq!(read(&text), Ok(vec![vec![0, 4, 5, 1, 0, 0]]));
         let text = result("MAPF", "[2, 3, \"N/A\"]", "\"\"", "");

@@ -1,15 +1,32 @@
-//! YAML read from left to right, strictly: no anchors, aliases and tags, so that a
-//! small text stays small, and every error has a place.
+//! YAML read from left to right, strictly, so that every error has a place.
+//!
+//! Of tags those of YAML itself and Python's tuples are read, which Python's dumper writes. Anchors
+//! and aliases are read of short values alone, such as a position that it writes once for two
+//! agents: a small text stays small.
+
+use std::collections::{HashMap, VecDeque};
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, StrInput};
 
 use crate::InputError;
 use crate::files::quote;
 
+/// Most events of a value that an alias may repeat.
+const MOST_REPEATED: usize = 16;
+
+/// Tags of the schema of YAML that say nothing new, and the lists of Python that do not change.
+const TAGS: [&str; 7] = ["bool", "float", "int", "map", "python/tuple", "seq", "str"];
+
 /// Events of one document.
 pub(super) struct Yaml<'a> {
     source: &'a str,
     parser: Parser<'a, StrInput<'a>>,
+    /// Anchors of values that have not ended, with what came of them, and how deep it is.
+    open: Vec<(usize, Vec<Event<'a>>, usize)>,
+    /// Short values that had an anchor.
+    kept: HashMap<usize, Vec<Event<'a>>>,
+    /// Events that an alias stands for.
+    repeated: VecDeque<(Event<'a>, Marker)>,
 }
 
 /// Kind of a node, once its beginning was read.
@@ -27,6 +44,9 @@ impl<'a> Yaml<'a> {
         let mut yaml = Self {
             source,
             parser: Parser::new_from_str(text),
+            open: Vec::new(),
+            kept: HashMap::new(),
+            repeated: VecDeque::new(),
         };
         loop {
             match yaml.event()? {
@@ -54,11 +74,56 @@ impl<'a> Yaml<'a> {
     }
 
     fn event(&mut self) -> Result<(Event<'a>, Marker), InputError> {
-        match self.parser.next_event() {
-            Some(Ok((event, span))) => Ok((event, span.start)),
-            Some(Err(error)) => Err(self.syntax(&error)),
-            None => Err(InputError::new(self.source, "the file ends too early")),
+        let next = match self.repeated.pop_front() {
+            Some(next) => next,
+            None => match self.parser.next_event() {
+                Some(Ok((event, span))) => (event, span.start),
+                Some(Err(error)) => return Err(self.syntax(&error)),
+                None => return Err(InputError::new(self.source, "the file ends too early")),
+            },
+        };
+        let (event, place) = next;
+        if let Event::Alias(anchor) = event {
+            let Some(events) = self.kept.get(&anchor) else {
+                let reason = "aliases of long values are not accepted";
+                return Err(self.error(place, reason).hint("write the value itself"));
+            };
+            let events = events.iter().map(|event| (event.clone(), place));
+            self.repeated.extend(events);
+            return self.event();
         }
+        Ok((self.record(event), place))
+    }
+
+    /// Keeps an event for the aliases of all values that it belongs to, and leaves out its anchor.
+    fn record(&mut self, event: Event<'a>) -> Event<'a> {
+        let (anchor, event) = match event {
+            Event::Scalar(text, style, anchor, tag) => (anchor, Event::Scalar(text, style, 0, tag)),
+            Event::SequenceStart(anchor, tag) => (anchor, Event::SequenceStart(0, tag)),
+            Event::MappingStart(anchor, tag) => (anchor, Event::MappingStart(0, tag)),
+            event => (0, event),
+        };
+        if anchor != 0 {
+            self.open.push((anchor, Vec::new(), 0));
+        }
+        for (_, events, depth) in &mut self.open {
+            events.push(event.clone());
+            match event {
+                Event::SequenceStart(..) | Event::MappingStart(..) => *depth += 1,
+                Event::SequenceEnd | Event::MappingEnd => *depth = depth.saturating_sub(1),
+                _ => {}
+            }
+        }
+        self.open
+            .retain(|(_, events, _)| events.len() <= MOST_REPEATED);
+        let kept = &mut self.kept;
+        self.open.retain_mut(|(anchor, events, depth)| {
+            if *depth == 0 {
+                kept.insert(*anchor, std::mem::take(events));
+            }
+            *depth > 0
+        });
+        event
     }
 
     fn syntax(&self, error: &ScanError) -> InputError {
@@ -69,15 +134,19 @@ impl<'a> Yaml<'a> {
     fn node(&mut self) -> Result<(Node, Marker), InputError> {
         const HINT: &str = "write the value itself";
         let (event, place) = self.event()?;
-        let (anchor, tagged) = match &event {
-            Event::Scalar(_, _, anchor, tag) => (*anchor, tag.is_some()),
-            Event::SequenceStart(anchor, tag) | Event::MappingStart(anchor, tag) => {
-                (*anchor, tag.is_some())
-            }
-            _ => (0, false),
+        let tag = match &event {
+            Event::Scalar(_, _, _, tag)
+            | Event::SequenceStart(_, tag)
+            | Event::MappingStart(_, tag) => tag.as_deref(),
+            _ => None,
         };
-        if anchor != 0 || tagged {
-            let reason = "anchors and tags are not accepted";
+        if let Some(tag) = tag
+            && !(tag.is_yaml_core_schema() && TAGS.contains(&&*tag.suffix))
+        {
+            let reason = format!(
+                "the tag {} is not accepted",
+                quote(tag.to_string().as_bytes())
+            );
             return Err(self.error(place, reason).hint(HINT));
         }
         let node = match event {
@@ -85,9 +154,6 @@ impl<'a> Yaml<'a> {
             Event::SequenceStart(..) => Node::Sequence,
             Event::Scalar(text, style, ..) => Node::Text(text.into_owned(), style),
             Event::SequenceEnd | Event::MappingEnd => Node::End,
-            Event::Alias(_) => {
-                return Err(self.error(place, "aliases are not accepted").hint(HINT));
-            }
             _ => return Err(self.error(place, "the document ends too early")),
         };
         Ok((node, place))
@@ -141,13 +207,15 @@ impl<'a> Yaml<'a> {
             return Err(self.wrong((node, begin), what));
         }
         loop {
-            match self.parser.peek() {
-                Some(Ok((Event::SequenceEnd, _))) => {
-                    self.event()?;
-                    return Ok(begin);
-                }
-                _ => each(self)?,
+            let ends = match self.repeated.front() {
+                Some((event, _)) => *event == Event::SequenceEnd,
+                None => matches!(self.parser.peek(), Some(Ok((Event::SequenceEnd, _)))),
+            };
+            if ends {
+                self.event()?;
+                return Ok(begin);
             }
+            each(self)?;
         }
     }
 
@@ -171,7 +239,15 @@ impl<'a> Yaml<'a> {
         }
     }
 
-    /// A plain integer.
+    /// A text, however it is written.
+    pub(super) fn text(&mut self, what: &str) -> Result<(String, Marker), InputError> {
+        match self.node()? {
+            (Node::Text(text, _), place) => Ok((text, place)),
+            other => Err(self.wrong(other, what)),
+        }
+    }
+
+    /// A plain integer, which may be written as a float (`2.0`).
     pub(super) fn integer(&mut self, what: &str) -> Result<(i64, Marker), InputError> {
         let (node, place) = self.node()?;
         if let Node::Text(text, ScalarStyle::Plain) = &node
@@ -211,6 +287,10 @@ impl<'a> Yaml<'a> {
 
 /// A whole number of at most 15 digits.
 fn whole(text: &str) -> Option<i64> {
+    let text = match text.split_once('.') {
+        Some((whole, zeros)) if zeros.bytes().all(|byte| byte == b'0') => whole,
+        _ => text,
+    };
     let digits = text.strip_prefix('-').unwrap_or(text);
     let fits = (1..=15).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_digit());
     fits.then(|| text.parse().ok()).flatten()

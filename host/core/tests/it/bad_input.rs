@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use fleetyard_core::formats::MapSize;
+use fleetyard_core::plan_file::read_plan_on;
 use fleetyard_core::{
-    Connectivity, Grid, InputError, load_map, load_plan, load_scen, read_map, read_plan, read_scen,
-    write_atomically,
+    Connectivity, Grid, GridPlan, InputError, load_map, load_plan, load_scen, read_map, read_plan,
+    read_scen, write_atomically,
 };
 use proptest::prelude::*;
 
@@ -34,8 +36,18 @@ fn bad_maps() {
         "a.map: the file is empty\nhint: a map file begins with the line 'type octile'",
     );
     map_fails(
-        "P6 3 3\n",
-        "a.map:1:1: expected 'type octile', found 'P6 3 3'\nhint: is this a MovingAI .map file?",
+        "depth 3\n",
+        "a.map:1:1: expected 'type octile', found 'depth 3'\nhint: is this a MovingAI .map file?",
+    );
+    map_fails(
+        "# mine\ntype octile\n",
+        "a.map:1:1: expected 'type octile', found '# mine'\n\
+         hint: map files have no comments: remove the line",
+    );
+    map_fails(
+        "type octile\rheight 1\rwidth 1\rmap\r.\r",
+        "a.map:1: the lines end with carriage returns alone, as on old Macs\nhint: save it with line \
+         ends of Unix or Windows, or run `tr '\\r' '\\n' < OLD > NEW`",
     );
     // JSON is a map of LSMART.
     map_fails("{\"rows\": 3}\n", "a.map:1:11: missing field `layout`");
@@ -147,7 +159,17 @@ fn bad_maps() {
         format!("{header}...\n\n...\n"),
         "a.map:6:1: map row 1 has 0 letters, but the width is 3",
     );
-    let letters = "hint: terrain letters are .GSEew@OTW";
+    map_fails(
+        "height 1\nwidth 2\nmap\n..\n..\n",
+        "a.map:5:1: the map goes on after its 1 rows with '..'\n\
+         hint: the header's height is wrong, or lines were added at the end: remove them",
+    );
+    map_fails(
+        "type octile\nheight 4\nwidth 3\nmap\n....\n....\n....\n",
+        "a.map:5:4: map row 0 has 4 letters, but the width is 3\n\
+         hint: are height and width in the header exchanged?",
+    );
+    let letters = "hint: terrain letters are .GSEew, which are free, and @OTW, which are not";
     map_fails(
         format!("{header}...\n.x.\n"),
         &format!("a.map:6:2: unknown terrain letter 'x' in map row 1\n{letters}"),
@@ -166,8 +188,8 @@ fn bad_maps() {
     );
     map_fails(
         format!("{header}...\n...\n\n...\n"),
-        "a.map:8:1: the map goes on after its 2 rows\n\
-         hint: the header's height is wrong, or lines were added at the end",
+        "a.map:8:1: the map goes on after its 2 rows with '...'\n\
+         hint: the header's height is wrong, or lines were added at the end: remove them",
     );
 }
 
@@ -185,6 +207,8 @@ fn tolerated_maps() {
         "type octile\nwidth 10\nheight 1\nmap\n.GSEew@OTW",
         "type octile\nheight 1\nwidth 10\nmap\n.GSEew@OTW\n\n\r\n  \n",
         "type octile \nheight\t1\nwidth  10\nmap\n.GSEew@OTW\n",
+        "height 1\nwidth 10\nmap\n.GSEew@OTW\n",
+        "Width 10\nTYPE Octile\nHEIGHT 1\nMap\n.GSEew@OTW\n",
     ] {
         assert_eq!(
             read_map("a.map", other.as_bytes()).as_ref(),
@@ -231,7 +255,16 @@ fn bad_scenarios() {
     );
     scen_fails(
         format!("{ENTRY}\nversion 1\n"),
-        &format!("a.scen:2:10: a scenario line has 9 fields, found 2\n{fields}"),
+        "a.scen:2:1: another version line, which scenarios do not have here\nhint: remove the line",
+    );
+    scen_fails(
+        format!("# mine\n{ENTRY}\n"),
+        "a.scen:1:1: a comment, which scenarios do not have here\nhint: remove the line",
+    );
+    scen_fails(
+        ENTRY.replace("3.0", "3,5"),
+        "a.scen:1:21: the optimal length '3,5' is not a number of 0 or more\n\
+         hint: write a point before its decimals",
     );
     scen_fails(
         format!("{ENTRY}\n\n{ENTRY}\n"),
@@ -319,6 +352,7 @@ fn tolerated_scenarios() {
     for other in [
         format!("version 1.0\r\n{ENTRY}\r\n\r\n"),
         format!("version\t1\n{ENTRY}"),
+        format!("Version 1\n{ENTRY}"),
         format!("version 1\n{with_blanks} \n"),
         format!("version 1\n {ENTRY}\t\n"),
     ] {
@@ -370,9 +404,11 @@ fn bad_instances() {
         "a.scen: 2 agents asked for, but the scenario has 1\nhint: ask for at most 1 agents",
     );
     instance_fails(
-        &[fine, "1 maps\\b.map 4 3 1 0 0 0 1"],
-        2,
-        "a.scen:3: the scenario is for map b, not for a\nhint: use the map maps\\b.map",
+        &["1 maps\\b.map 0 0 0 0 1 1 2"],
+        1,
+        "a.scen:2: the scenario is for a map of 0 rows and 0 columns, but a has 3 and 4\n\
+         hint: use the map maps\\b.map; if this is it, write its width 4 and height 3 as the third and \
+         fourth field",
     );
     instance_fails(
         &["1 a.map 3 4 0 0 1 1 2"],
@@ -419,6 +455,42 @@ fn bad_instances() {
     );
 }
 
+#[test]
+fn a_map_of_another_name_is_for_the_caller_to_refuse() {
+    let grid = Arc::new(read_map("a.map", b"height 1\nwidth 2\nmap\n..\n").unwrap());
+    let lines = b"0\ta.map\t2\t1\t0\t0\t1\t0\t1\n0\tmaps\\b.map\t2\t1\t1\t0\t0\t0\t1\n";
+    let scenario = read_scen("a.scen", lines).unwrap();
+    let instance = scenario.instance(Arc::clone(&grid), 2, Connectivity::Four);
+    assert_eq!(instance.unwrap().starts(), [0, 1]);
+    assert_eq!(
+        text(&scenario.check_name(&grid).unwrap_err()),
+        "a.scen:2: the scenario is for map b, not for a\nhint: use the map maps\\b.map"
+    );
+    let one = Grid::clone(&grid).named("b");
+    assert!(
+        scenario
+            .check_name(&one)
+            .unwrap_err()
+            .reason
+            .contains("map a")
+    );
+}
+
+/// As `docs/commands.md` has it.
+#[test]
+fn a_plan_of_paths_alone_is_read_where_the_map_is_known() {
+    let bytes = b"{\"paths\": [[[0, 0], [0, 1]], [[1, 2]]]}";
+    let size = MapSize { rows: 2, cols: 3 };
+    let file = read_plan_on("a.plan", bytes, Some(size)).unwrap();
+    assert_eq!((file.rows, file.cols), (2, 3));
+    assert_eq!(file.plan, GridPlan::from_paths([&[0, 1][..], &[5]]));
+    plan_fails(
+        bytes,
+        "a.plan: the file does not say how large its map is\n\
+         hint: name the map with --map FILE, or give the file `rows` and `cols`",
+    );
+}
+
 #[track_caller]
 fn plan_fails(content: impl AsRef<[u8]>, expected: &str) {
     let error = read_plan("a.plan", content.as_ref()).expect_err("the plan is bad");
@@ -433,7 +505,7 @@ fn bad_plans() {
     let paths = |paths: &str| plan(&format!("\n\"paths\": {paths}"));
     plan_fails(
         " \n",
-        "a.plan: the file is empty\nhint: a plan file is a JSON object with format, rows, cols and paths",
+        "a.plan: the file is empty\nhint: a plan file is a JSON object with paths, and with rows and cols of its map",
     );
     plan_fails(
         "{\"format\"",
@@ -444,7 +516,7 @@ fn bad_plans() {
         "{\n\"planner\": \"äöü",
         "a.plan:2:15: EOF while parsing a string\nhint: the file is truncated",
     );
-    let object = "hint: a plan file is a JSON object with format, rows, cols and paths";
+    let object = "hint: a plan file is a JSON object with paths, and with rows and cols of its map";
     plan_fails(
         "hello",
         &format!("a.plan:1:1: this is not a JSON object\n{object}"),
@@ -473,7 +545,7 @@ fn bad_plans() {
     plan_fails(plan("\"rows\": 1"), "a.plan:1:59: duplicate field `rows`");
     plan_fails(
         "{\"format\": \"fleetyard.plan/1\"}",
-        "a.plan:1:30: missing field `rows`",
+        "a.plan:1:30: missing field `paths`",
     );
     plan_fails(
         "{\"format\": \"fleetyard.plan/1\", \"rows\": -1}",

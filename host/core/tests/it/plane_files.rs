@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fleetyard_core::formats::{
-    AnyPlan, CcbsPlaces, Contents, Format, MapSize, Parts, load_any_plan, read_ccbs_log,
+    AnyPlan, CcbsPlaces, Contents, Format, Known, MapSize, Parts, load_any_plan, read_ccbs_log,
     read_ccbs_roadmap, read_dynobench, write_ccbs_roadmap,
 };
 use fleetyard_core::{
@@ -304,11 +304,11 @@ fn on_roadmap() -> (tempfile::TempDir, PathBuf, Roadmap) {
 #[test]
 fn plans_on_roadmaps_bring_their_roadmap() {
     let (folder, path, roadmap) = on_roadmap();
-    let contents = Contents::load(&path, None, None).unwrap();
+    let contents = Contents::load(&path, None, Known::default()).unwrap();
     assert_eq!(contents.format, Format::RoadmapPlan);
     assert_eq!(contents.roadmap.as_deref(), Some(&roadmap));
     assert_eq!(contents.files, [folder.path().join("a.roadmap.json")]);
-    let AnyPlan::Trajectories(file) = load_any_plan(&path, None, None).unwrap() else {
+    let AnyPlan::Trajectories(file) = load_any_plan(&path, None, Known::default()).unwrap() else {
         panic!("a plan in the plane");
     };
     assert_eq!(file.plan.knots(0).fastest().speed_m_per_s, 2.0);
@@ -333,7 +333,7 @@ fn plans_on_other_roadmaps_are_refused() {
     let other = Roadmap::new(vec![0.0, 3.0], vec![0.0, 4.0], [(1, 0)]).unwrap();
     save_roadmap(&other, folder.path().join("a.roadmap.json")).unwrap();
     fails(
-        Contents::load(&path, None, None),
+        Contents::load(&path, None, Known::default()),
         &format!(
             "{shown}: the plan is for roadmap {}, but this roadmap is {}\nhint: is it the right \
              roadmap? to use it all the same, remove roadmap_digest from the file",
@@ -349,7 +349,7 @@ fn plans_on_other_roadmaps_are_refused() {
     let without = without_lines(&text, "digest");
     fs::write(&path, &without).unwrap();
     fails(
-        Contents::load(&path, None, None),
+        Contents::load(&path, None, Known::default()),
         &format!(
             "{shown}: visit 1 of agent 0: the roadmap has no edge from 0 to 1\n\
              hint: edges are directed: the other way is another edge"
@@ -358,7 +358,7 @@ fn plans_on_other_roadmaps_are_refused() {
     let nameless = without_lines(&without, "\"roadmap\"");
     fs::write(&path, nameless).unwrap();
     fails(
-        Contents::load(&path, None, None),
+        Contents::load(&path, None, Known::default()),
         &format!(
             "{shown}: the plan does not name its roadmap\n\
              hint: add \"roadmap\" with the name of the roadmap's file"
@@ -692,10 +692,15 @@ fn examples_of_ccbs() {
         return;
     };
     let examples = Path::new(&folder).join("Examples");
-    let roadmap = Contents::load(&examples.join("roadmap.xml"), None, None).unwrap();
+    let roadmap = Contents::load(&examples.join("roadmap.xml"), None, Known::default()).unwrap();
     let roadmap = roadmap.roadmap.unwrap();
     assert_eq!((roadmap.vertices(), roadmap.edge_count()), (170, 698));
-    let log = load_any_plan(&examples.join("roadmap_task_log.xml"), None, None).unwrap();
+    let log = load_any_plan(
+        &examples.join("roadmap_task_log.xml"),
+        None,
+        Known::default(),
+    )
+    .unwrap();
     let AnyPlan::Trajectories(file) = log else {
         panic!("a plan in the plane");
     };
@@ -719,7 +724,7 @@ fn examples_of_ccbs() {
         }
     }
     let size = Some(MapSize { rows: 10, cols: 10 });
-    let log = load_any_plan(&examples.join("grid_task_log.xml"), None, size).unwrap();
+    let log = load_any_plan(&examples.join("grid_task_log.xml"), None, Known::size(size)).unwrap();
     assert!(matches!(log, AnyPlan::Trajectories(file) if file.plan.agents() > 10));
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::float_cmp, reason = "what is kept is kept exactly")]
 
 use fleetyard_core::formats::{
-    DynobenchProblem, Format, read_psipp_plan, write_ccbs_task, write_dynobench_problem,
+    DynobenchProblem, Format, Known, read_psipp_plan, write_ccbs_task, write_dynobench_problem,
     write_psipp_problem,
 };
 use fleetyard_core::{InputError, Knot, Roadmap, RoadmapPlan, TrajectoryPlan};
@@ -62,7 +62,7 @@ fn plans_of_psipp() {
         std::path::Path::new("plan.txt"),
         PLAN.as_bytes(),
         Some(Format::PsippPlan),
-        None,
+        Known::default(),
     );
     assert_eq!(contents.unwrap().trajectories.unwrap().plan, plan);
     let told = |text: &str| {

@@ -12,7 +12,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Json, Response};
 use axum::routing::{get, post};
 use fleetyard_core::Digest;
-use fleetyard_core::formats::{Format, grid_size};
+use fleetyard_core::formats::{Format, Known, grid_size};
 use fleetyard_views::Representation;
 use serde_json::{Value, json};
 
@@ -208,7 +208,7 @@ impl Studio {
         let view = self.desk.artefacts.instance(&now.document)?;
         let size = grid_size(view.instance.grid());
         Ok(format
-            .read_plan(name, bytes, Some(size), None)?
+            .read_plan(name, bytes, Known::size(Some(size)), None)?
             .plan
             .agents())
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fleetyard_core::formats::{Contents, write_lsmart};
+use fleetyard_core::formats::{Contents, Known, write_lsmart};
 use fleetyard_core::{Connectivity, GridInstance, Scenario, read_map, read_scen, write_scen};
 use fleetyard_studio::document::Ground;
 use fleetyard_studio::files::{Kind, Opened, Source, export, exports, open};
@@ -243,7 +243,8 @@ fn every_form_is_written() {
         std::fs::write(folder.path().join(name), bytes).unwrap();
     }
     let source = Source::load(&folder.path().join(&league.name)).unwrap();
-    let contents = Contents::load(&folder.path().join(&league.name), None, None).unwrap();
+    let league_path = folder.path().join(&league.name);
+    let contents = Contents::load(&league_path, None, Known::default()).unwrap();
     assert_eq!(
         opened(&[source]).document.agents().len(),
         contents.agents.unwrap().agents.len()

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fleetyard_core::formats::{AnyPlan, Contents, Parts, load_any_plan};
+use fleetyard_core::formats::{AnyPlan, Contents, Known, Parts, load_any_plan};
 use fleetyard_core::{Knot, TrajectoryPlan};
 use fleetyard_world::{
     Footprint, Placement, Polygon, Pose, Shape, Workspace, load_workspace, separation_m,
@@ -34,7 +34,7 @@ fn they_are_as_they_would_be_written() {
         "two-rooms.roadmap-plan.json",
         "turning.trajectories.json",
     ] {
-        let contents = Contents::load(&file(name), None, None).unwrap();
+        let contents = Contents::load(&file(name), None, Known::default()).unwrap();
         let parts = Parts {
             roadmap: contents.roadmap,
             roadmap_plan: contents.roadmap_plan,
@@ -77,7 +77,9 @@ fn the_plans_are_free_of_contacts() {
         ("two-rooms.roadmap-plan.json", disc, 3),
         ("turning.trajectories.json", rectangle, 2),
     ] {
-        let AnyPlan::Trajectories(file) = load_any_plan(&file(name), None, None).unwrap() else {
+        let AnyPlan::Trajectories(file) =
+            load_any_plan(&file(name), None, Known::default()).unwrap()
+        else {
             panic!("{name} is a plan in the plane");
         };
         assert_eq!(file.plan.agents(), agents);

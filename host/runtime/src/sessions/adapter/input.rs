@@ -62,6 +62,8 @@ pub(super) enum Agents {
     MovingAi,
     /// An instance file of pibt2, which names the map and has the seed.
     Pibt2,
+    /// An instance of libMultiRobotPlanning in YAML, which has the map in it.
+    Libmrp,
 }
 
 /// The letters of terrain in a map that the solver reads.
@@ -252,8 +254,8 @@ impl GridInput {
     fn read(table: &Value<'_>) -> Result<Self, InputError> {
         let input: Self = table.read()?;
         match table.get("order") {
-            Some(order) if input.scen == Agents::Pibt2 => Err(order
-                .error("the order in instances of pibt2 is fixed")
+            Some(order) if input.scen != Agents::MovingAi => Err(order
+                .error("the order in instances of pibt2 and libMultiRobotPlanning is fixed")
                 .hint("remove `order`; it is for scenarios")),
             _ => Ok(input),
         }
@@ -304,7 +306,7 @@ impl ProblemInput {
     /// The placeholders of its files, each with whether the solver must be told of it.
     pub(super) fn slots(&self) -> &'static [(Slot, bool)] {
         match self {
-            Self::Grid(grid) if grid.scen == Agents::Pibt2 => {
+            Self::Grid(grid) if grid.scen != Agents::MovingAi => {
                 &[(Slot::Map, false), (Slot::Scen, true)]
             }
             Self::Grid(_) => &[(Slot::Map, true), (Slot::Scen, true)],
@@ -319,7 +321,7 @@ impl ProblemInput {
     /// True if a solver of such problems may answer in a format.
     pub(super) fn takes(&self, format: Format) -> bool {
         match self {
-            Self::Grid(_) => format.carries_plan(),
+            Self::Grid(_) => format.carries_plan() && !format.needs_starts(),
             Self::Roadmap(_) => matches!(
                 format,
                 Format::RoadmapPlan | Format::Trajectories | Format::CcbsLog | Format::PsippPlan

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use fleetyard_abi::{Capabilities, Capability, Status};
 use fleetyard_core::document::{self, Fault, Place, Value, between, nonempty, not_empty, text};
-use fleetyard_core::formats::{Begin, Format, Layout, Major, MapSize};
+use fleetyard_core::formats::{Begin, Format, Known, Layout, Major, MapSize};
 use fleetyard_core::json::with_hint;
-use fleetyard_core::{GridPlan, InputError, shown};
+use fleetyard_core::{GridPlan, InputError, shown, unmarked};
 use regex::bytes::{Regex, RegexBuilder};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Number, Value as Json};
@@ -306,11 +306,12 @@ impl Manifest {
         agents: usize,
     ) -> Result<GridPlan, InputError> {
         let source = self.output.source();
+        let answer = unmarked(&source, answer)?;
         let format = match &self.output.written {
             Written::So(layout) => return layout.read(&source, answer, size, Some(agents)),
             Written::As(format) => *format,
         };
-        let file = format.read_plan(&source, answer, Some(size), Some(agents))?;
+        let file = format.read_plan(&source, answer, Known::size(Some(size)), Some(agents))?;
         let fault = |reason: String| Err(InputError::new(source.as_str(), reason));
         if (file.rows, file.cols) != (size.rows, size.cols) {
             return fault(format!(

@@ -29,15 +29,17 @@ fn the_smallest_manifest() {
     assert_eq!(here, "p.toml:4:11: here");
 }
 
-/// An instance of pibt2 names its map.
+/// An instance of pibt2 names its map, and one of libMultiRobotPlanning has it in it.
 #[test]
 fn a_solver_of_pibt2_instances_needs_no_argument_for_the_map() {
-    let text = MINIMAL.replace("\"{map}\", ", "");
-    let text = text.replace("[output]", "[input]\nscen = \"pibt2\"\n[output]");
-    let ProblemInput::Grid(input) = read(&text).input.problem else {
-        panic!("a grid");
-    };
-    assert_eq!(input.scen, Agents::Pibt2);
+    for (word, expected) in [("pibt2", Agents::Pibt2), ("libmrp", Agents::Libmrp)] {
+        let text = MINIMAL.replace("\"{map}\", ", "");
+        let text = text.replace("[output]", &format!("[input]\nscen = \"{word}\"\n[output]"));
+        let ProblemInput::Grid(input) = read(&text).input.problem else {
+            panic!("a grid");
+        };
+        assert_eq!(input.scen, expected);
+    }
 }
 
 #[test]
@@ -583,7 +585,7 @@ fn faults_say_where_and_what_to_do() {
         (
             "[output]",
             "[input]\nscen = \"pibt2\"\norder = \"row-col\"\n[output]",
-            "p.toml:8:9: the order in instances of pibt2 is fixed",
+            "p.toml:8:9: the order in instances of pibt2 and libMultiRobotPlanning is fixed",
             "remove `order`",
         ),
         (

@@ -7,7 +7,7 @@ use fleetyard_abi::{
     Capability, Environment, GridEnvironment, Instance, Motion, Plan, SharedEnvironment,
 };
 use fleetyard_core::formats::{
-    MapSize, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_pibt2,
+    MapSize, Pibt2Settings, TRANSPOSED_HINT, looks_transposed, write_libmrp, write_pibt2,
 };
 use fleetyard_core::{Grid, InputError, Scenario, ScenarioEntry, write_map, write_scen};
 
@@ -21,6 +21,8 @@ use super::terms::{
 pub(super) struct OnGrid {
     input: GridInput,
     environment: SharedEnvironment,
+    /// The map, where instances have it in them.
+    written: Option<Grid>,
     free_cells: u64,
 }
 
@@ -48,12 +50,14 @@ impl OnGrid {
         };
         let written = Grid::new("map", grid.rows, grid.cols, terrain)
             .map_err(|error| invalid(told(&error)))?;
+        let bytes = write_map(&written);
         let problem = Self {
             input,
+            written: (input.scen == Agents::Libmrp).then_some(written),
             free_cells: grid.passable.iter().filter(|free| **free != 0).count() as u64,
             environment: environment.clone(),
         };
-        Ok((problem, vec![(MAP_NAME, write_map(&written))]))
+        Ok((problem, vec![(MAP_NAME, bytes)]))
     }
 
     fn grid(&self) -> Result<&GridEnvironment, Failure> {
@@ -98,6 +102,11 @@ impl Problem for OnGrid {
         let grid = self.grid()?;
         let goals = instance.goals.items();
         let bytes = match self.input.scen {
+            Agents::Libmrp => {
+                let map = self.written.as_ref();
+                let map = map.ok_or_else(|| invalid("there is no map"))?;
+                write_libmrp(map, &instance.starts, goals)
+            }
             Agents::MovingAi => scenario(&instance.starts, goals, grid, self.input.order),
             Agents::Pibt2 => write_pibt2(
                 &scratch.join(MAP_NAME).to_string_lossy(),
