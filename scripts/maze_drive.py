@@ -53,7 +53,7 @@ MODELS = (
 GOAL = {"goal_tolerance_m": 0.2, "goal_tolerance_rate": 0.2}
 # A curved way has waypoints so that the lines between them are nowhere farther beside it.
 BESIDE_M = 0.02
-FIGURES = ("time_s", "way_m", "off_max_m", "off_mean_m", "contacts", "margin_m")
+FIGURES = ("time_s", "way_m", "off_max_m", "contacts", "margin_m")
 COLUMNS = ["cells", "seed", "planner", "model", "termination", "solved", "failure", "first_ms", "cpu_ms", "searched", "length_m", "plan_s",
            "plan_margin_m", "waypoints", "controls", *(f"{driver}_{figure}" for driver in DRIVERS for figure in ("arrived", *FIGURES))]
 
@@ -257,7 +257,7 @@ class Experiment:
         with states.open(encoding="utf-8") as file:
             poses = [tuple(float(row[name]) for name in ("x_m", "y_m", "heading_rad")) for row in csv.DictReader(file)]
         return {"arrived": done["arrived"], "time_s": rounded(done["makespan_s"]), "way_m": rounded(sum(map(apart, poses, poses[1:]))),
-                "off_max_m": rounded(done["tracking_error_max_m"]), "off_mean_m": rounded(done["tracking_error_mean_m"]),
+                "off_max_m": rounded(done["tracking_error_max_m"]),
                 "contacts": done["contacts"], "margin_m": rounded(min(maze.margin(*pose) for pose in poses))}
 
 
