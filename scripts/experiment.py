@@ -52,12 +52,26 @@ class Fleetyard:
         return answer
 
 
-def keep(path, columns, rows):
+def as_csv(columns, rows):
     file = io.StringIO()
     writer = csv.DictWriter(file, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    replace(path, file.getvalue())
+    return file.getvalue()
+
+
+def keep(path, columns, rows):
+    replace(path, as_csv(columns, rows))
+
+
+def only(*names):
+    """The type of --only: a row by what it is the row of, numbers as such."""
+    def trial(text):
+        parts = text.split(",")
+        if len(parts) != len(names):
+            refuse(f"--only {text} names no row", f"--only takes {','.join(names)}")
+        return [int(part) if part.isdecimal() else part for part in parts]
+    return trial
 
 
 def rounded(value):

@@ -3,7 +3,7 @@
 
     fleetyard bench scripts/suites/growth.toml --store target/growth.sqlite
     fleetyard store export target/growth.sqlite --csv target/growth.csv
-    scripts/growth.py target/growth.csv docs/results/growth.svg
+    scripts/growth.py target/growth.csv target/growth.svg
 
 Above: CPU time (learning the roadmap and planning) and peak memory of the planner's process by the number of
 discs, on the roadmap of 1,000 vertices and in the plane. Below: the same by the number of vertices, with

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Cells of mazes close and open again while a robot drives: planners that repair their search, and planners that begin anew.
 
-    scripts/maze-paper closures [--sizes N,…] [--seeds N] [--planner 'ID OPTION=VALUE…']… [--out FOLDER] [--rows FILE]
+    scripts/maze-paper closures [--sizes N,…] [--seeds N] [--planner 'ID OPTION=VALUE…']… [--only 'CELLS,SEED,ID OPTION=VALUE…']
+                               [--out FOLDER] [--rows FILE]
 
 Mazes by the recursive backtracker of each size [default: 15,63], seeds 7, 8, … [default: 3 of them], in which every fifth of
 the walls that are left is opened. A robot that moves a cell a second drives to random goals for 2000 s. Of a thousand free cells
@@ -12,8 +13,8 @@ without keep_tree.
 A goal's delay is the time from the goal before, less that of the earliest arrival of a robot that knows all closures in
 advance: by safe intervals (Phillips, Likhachev, ICRA 2011), with the closures that there were and moves of a second.
 A run that is done is a file in FOLDER [default: target/maze-paper/closures], and is not repeated for the same planner. Rows go to
-FILE [default: docs/results/maze-closures.csv], the table of the page to standard output. FLEETYARD names the command.
-Standard library only.
+FILE [default: docs/results/maze-closures.csv], the table of the page to standard output. --only makes one row anew
+and prints it. FLEETYARD names the command. Standard library only.
 """
 
 import argparse
@@ -29,7 +30,7 @@ import sys
 
 sys.dont_write_bytecode = True
 
-from experiment import ROOT, keep, replace  # noqa: E402
+from experiment import ROOT, as_csv, keep, only, replace  # noqa: E402
 from maze_drive import FIRST_SEED  # noqa: E402
 
 PLANNERS = ("astar", "d-star-lite", "d-star-lite keep_tree=true", "lpa-star", "lpa-star keep_tree=true")
@@ -48,10 +49,14 @@ def main():
     parser.add_argument("--sizes", type=lambda text: [int(one) for one in text.split(",")], default=[15, 63])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--planner", action="append")
+    parser.add_argument("--only", type=only("CELLS", "SEED", "PLANNER"))
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target" / "maze-paper" / "closures")
     parser.add_argument("--rows", type=pathlib.Path, default=ROOT / "docs" / "results" / "maze-closures.csv")
     arguments = parser.parse_args()
     experiment = Experiment(arguments.out.resolve())
+    if arguments.only:
+        print(as_csv(COLUMNS, [experiment.done(*arguments.only)]), end="")
+        return
     rows = [experiment.done(size, FIRST_SEED + seed, planner) for size in arguments.sizes for seed in range(arguments.seeds)
             for planner in arguments.planner or PLANNERS]
     keep(arguments.rows, COLUMNS, rows)

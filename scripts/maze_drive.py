@@ -2,7 +2,8 @@
 """Drives the mazes of the grid-maze benchmark with a robot that has a body and dynamics: planners on the grid, in the
 plane and for dynamics, each plan followed by the benchmark's waypoint law and, where it has controls, by these exactly.
 
-    scripts/maze-paper drive [--sizes N,…] [--seeds N] [--planner ID]… [--budget TIME] [--out FOLDER] [--rows FILE]
+    scripts/maze-paper drive [--sizes N,…] [--seeds N] [--planner ID]… [--budget TIME] [--only CELLS,SEED,PLANNER,MODEL]
+                            [--out FOLDER] [--rows FILE]
 
 Mazes by the recursive backtracker of each size [default: 5,9,15], seeds 7, 8, … [default: 3 of them], on cells of 1 m. The
 robot is a rectangle of 0.6 x 0.4 m. Planners on grids get the maze's own cells; planners in the plane its walls and the
@@ -12,8 +13,8 @@ that improves its plan until the budget [default: 5s] ends is asked for its firs
 the budget in the plane, and is left out on the grid, where the maze has one way.
 
 A trial that is done is a file in FOLDER/trials [default: target/maze-paper/drive], and is not repeated for the same planner
-and maze. Rows go to FILE [default: docs/results/maze-drive.csv], the table of the page to standard output. FLEETYARD names
-the command. Standard library only.
+and maze. Rows go to FILE [default: docs/results/maze-drive.csv], the table of the page to standard output. --only makes one row
+anew and prints it. FLEETYARD names the command. Standard library only.
 """
 
 import argparse
@@ -29,7 +30,7 @@ import sys
 
 sys.dont_write_bytecode = True
 
-from experiment import ROOT, keep, replace  # noqa: E402
+from experiment import ROOT, as_csv, keep, only, replace  # noqa: E402
 
 FIRST_SEED = 7
 BODY_M = (0.6, 0.4)
@@ -52,7 +53,7 @@ MODELS = (
 GOAL = {"goal_tolerance_m": 0.2, "goal_tolerance_rate": 0.2}
 # A curved way has waypoints so that the lines between them are nowhere farther beside it.
 BESIDE_M = 0.02
-FIGURES = ("time_s", "way_m", "off_max_m", "off_mean_m", "contacts", "margin_m")
+FIGURES = ("time_s", "way_m", "off_max_m", "contacts", "margin_m")
 COLUMNS = ["cells", "seed", "planner", "model", "termination", "solved", "failure", "first_ms", "cpu_ms", "searched", "length_m", "plan_s",
            "plan_margin_m", "waypoints", "controls", *(f"{driver}_{figure}" for driver in DRIVERS for figure in ("arrived", *FIGURES))]
 
@@ -63,11 +64,15 @@ def main():
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--planner", action="append")
     parser.add_argument("--budget", default="5s")
+    parser.add_argument("--only", type=only("CELLS", "SEED", "PLANNER", "MODEL"))
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target" / "maze-paper" / "drive")
     parser.add_argument("--rows", type=pathlib.Path, default=ROOT / "docs" / "results" / "maze-drive.csv")
     arguments = parser.parse_args()
     experiment = Experiment(arguments)
     rows = experiment.run()
+    if arguments.only:
+        print(as_csv(COLUMNS, rows), end="")
+        return
     keep(arguments.rows, COLUMNS, rows)
     print_tables(rows)
 
@@ -151,8 +156,13 @@ class Experiment:
         self.folder = arguments.out.resolve()
         self.budget = arguments.budget
         (self.folder / "mazes").mkdir(parents=True, exist_ok=True)
+        mazes = [(size, FIRST_SEED + seed) for size in arguments.sizes for seed in range(arguments.seeds)]
+        self.model = None
+        if arguments.only:
+            *maze, planner, self.model = arguments.only
+            mazes, arguments.planner = [maze], [planner]
         self.planners = self.installed(arguments.planner)
-        self.mazes = [Maze(size, FIRST_SEED + seed, self.folder / "mazes", self.must) for size in arguments.sizes for seed in range(arguments.seeds)]
+        self.mazes = [Maze(*maze, self.folder / "mazes", self.must) for maze in mazes]
         self.driven = {}
 
     def ended(self, *arguments):
@@ -179,7 +189,8 @@ class Experiment:
 
     def run(self):
         rows = []
-        trials = [(planner, model, how, maze) for planner in self.planners for model, how in planner.asked for maze in self.mazes]
+        trials = [(planner, model, how, maze) for planner in self.planners for model, how in planner.asked for maze in self.mazes
+                  if self.model in (None, model)]
         for number, (planner, model, how, maze) in enumerate(trials, 1):
             if sys.stderr.isatty():
                 print(f"\r{number} of {len(trials)}", end="", file=sys.stderr, flush=True)
@@ -246,7 +257,7 @@ class Experiment:
         with states.open(encoding="utf-8") as file:
             poses = [tuple(float(row[name]) for name in ("x_m", "y_m", "heading_rad")) for row in csv.DictReader(file)]
         return {"arrived": done["arrived"], "time_s": rounded(done["makespan_s"]), "way_m": rounded(sum(map(apart, poses, poses[1:]))),
-                "off_max_m": rounded(done["tracking_error_max_m"]), "off_mean_m": rounded(done["tracking_error_mean_m"]),
+                "off_max_m": rounded(done["tracking_error_max_m"]),
                 "contacts": done["contacts"], "margin_m": rounded(min(maze.margin(*pose) for pose in poses))}
 
 
