@@ -5,11 +5,10 @@
 //! rows of each file instead, whatever they take; CONTRIBUTING.md says what to do when one differs.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fleetyard_testkit::grid::mix;
-use fleetyard_testkit::{SUCCESS, Yard, have, root};
-use serde_json::Value;
+use fleetyard_testkit::{Yard, have, root};
 
 /// Another sample for another seed.
 const SEED: u64 = 42;
@@ -44,7 +43,10 @@ fn parsed(text: &[u8]) -> Vec<Row> {
             .map(|(name, value)| (name.to_owned(), value.to_owned()))
             .collect())
     };
-    reader.records().map(|record| row(record.unwrap())).collect()
+    reader
+        .records()
+        .map(|record| row(record.unwrap()))
+        .collect()
 }
 
 /// A file of rows below `docs/results`.
@@ -189,6 +191,17 @@ fn kept() -> Vec<Kept> {
         },
         Kept {
             page: "docs/results/maze-paper.md",
+            rows: "maze-table3.csv",
+            key: &["planner_id", "maze_seed"],
+            same: &["path_length_cells", "expansions", "plan_digest"],
+            seconds: |_| 0.1,
+            repeats: |_| true,
+            script: "scripts/maze-paper table",
+            anew: "scripts/maze-paper table",
+            sample: 2,
+        },
+        Kept {
+            page: "docs/results/maze-paper.md",
             rows: "maze-drive.csv",
             key: &["cells", "seed", "planner", "model"],
             same: &[
@@ -251,7 +264,9 @@ fn published(map: &str) -> Option<PathBuf> {
 
 /// The numbers of a file's rows, in the order of the seed.
 fn order(of: &str, count: usize) -> Vec<usize> {
-    let name = of.bytes().fold(SEED, |hash, byte| mix(hash ^ u64::from(byte)));
+    let name = of
+        .bytes()
+        .fold(SEED, |hash, byte| mix(hash ^ u64::from(byte)));
     let mut numbers: Vec<usize> = (0..count).collect();
     numbers.sort_by_key(|number| mix(name ^ *number as u64));
     numbers
@@ -282,7 +297,11 @@ fn differences(kept: &Kept, row: &Row, now: &Row) -> Vec<String> {
     let same = |column: &&&str| {
         let (old, new) = (row.text(column), now.text(column));
         // Scripts write 20 and stores 20.0.
-        old == new || old.parse::<f64>().ok().is_some_and(|old| new.parse() == Ok(old))
+        old == new
+            || old
+                .parse::<f64>()
+                .ok()
+                .is_some_and(|old| new.parse() == Ok(old))
     };
     let others = kept.same.iter().filter(|column| !same(column));
     others
@@ -296,7 +315,8 @@ fn rows_of_pages_repeat() {
         return;
     }
     let wanted = std::env::var("FLEETYARD_PAGES").ok();
-    let wanted: Option<usize> = wanted.map(|text| text.parse().expect("FLEETYARD_PAGES is a number"));
+    let wanted: Option<usize> =
+        wanted.map(|text| text.parse().expect("FLEETYARD_PAGES is a number"));
     let mut stale = Vec::new();
     for kept in kept() {
         let file = root().join("docs/results").join(kept.rows);
@@ -309,7 +329,10 @@ fn rows_of_pages_repeat() {
         let sample = order(kept.rows, rows.len()).into_iter().filter(fit);
         let sample: Vec<usize> = sample.take(wanted.unwrap_or(kept.sample)).collect();
         if sample.is_empty() {
-            println!("skipped: the maps of docs/results/{} are below FLEETYARD_DATA", kept.rows);
+            println!(
+                "skipped: the maps of docs/results/{} are below FLEETYARD_DATA",
+                kept.rows
+            );
         }
         for number in sample {
             let row = &rows[number];
