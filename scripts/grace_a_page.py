@@ -31,7 +31,7 @@ MEASURED = ("plan_ms", "prepare_ms", "length_m", "soc_s", "makespan_s",
             *(f"{how}_{figure}" for how in EXECUTIONS for figure in EXECUTED))
 # Columns of a trial: which it is, how it ended, and figures of plan and executions, empty where there are none.
 COLUMNS = ["family", "seed", "agents", "view", "planner", "model", "termination", "failure", "valid", "valid_in_world",
-           "keeps_limits", *MEASURED, "by_clock", "contended", "machine"]
+           "keeps_limits", *MEASURED, "by_clock", "contended", "machine", "build"]
 COUNTS = ("seed", "agents", "valid", "valid_in_world", "keeps_limits", "by_clock")
 PLANNER_COLUMNS = ["planner", "version", "views", "options", "exact", "left_out"]
 

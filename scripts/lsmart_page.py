@@ -58,9 +58,12 @@ def numbers(row):
     """A row of a CSV file with the types that a store has."""
     for column in ("agents", "seed", "contacts", "success", "goals_committed", "planner_calls"):
         row[column] = int(row[column])
-    for column in ("throughput_per_s", "simulated_s", "fail_policy_ratio", "rtf", "limit_s"):
+    for column in ("throughput_per_s", "simulated_s", "fail_policy_ratio", "rtf"):
         row[column] = float(row[column])
-    row["nodes"] = int(row["nodes"]) if row["nodes"] else None
+    # What older rows do not say.
+    for column, kind in (("nodes", int), ("limit_s", float)):
+        row[column] = kind(row[column]) if row.get(column) else None
+    row.setdefault("suite_digest", "")
     return row
 
 

@@ -41,7 +41,7 @@ CLOSED = 0.006
 LIMIT_S = 0.2
 DURATION_S = 2000
 COLUMNS = ["cells", "seed", "planner", "free", "goals", "closures", "calls", "replans", "waits", "expansions_first",
-           "expansions_replan", "expansions_replan_max", "cpu_ms_replan", "wall_ms_replan", "goal_s", "informed_s", "late_most_s"]
+           "expansions_replan", "expansions_replan_max", "cpu_ms_replan", "wall_ms_replan", "goal_s", "informed_s", "late_most_s", "build"]
 
 
 def main():
@@ -115,7 +115,8 @@ class Experiment:
         took = [arrival - departure for _, _, departure, arrival in legs]
         return {"cells": size, "seed": seed, "planner": planner, "free": len(free), "goals": len(legs),
                 "closures": len(outcome["closures"]), **calls([each for each in rounds if each]), "goal_s": rounded(mean(took)),
-                "informed_s": rounded(mean(informed)), "late_most_s": rounded(max(map(lambda own, least: own - least, took, informed), default=None))}
+                "informed_s": rounded(mean(informed)), "late_most_s": rounded(max(map(lambda own, least: own - least, took, informed), default=None)),
+                "build": self.digests.get(planner.split()[0], "")}
 
 
 def calls(rounds):

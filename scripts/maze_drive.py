@@ -55,7 +55,7 @@ GOAL = {"goal_tolerance_m": 0.2, "goal_tolerance_rate": 0.2}
 BESIDE_M = 0.02
 FIGURES = ("time_s", "way_m", "off_max_m", "contacts", "margin_m")
 COLUMNS = ["cells", "seed", "planner", "model", "termination", "solved", "failure", "first_ms", "cpu_ms", "searched", "length_m", "plan_s",
-           "plan_margin_m", "waypoints", "controls", *(f"{driver}_{figure}" for driver in DRIVERS for figure in ("arrived", *FIGURES))]
+           "plan_margin_m", "waypoints", "controls", *(f"{driver}_{figure}" for driver in DRIVERS for figure in ("arrived", *FIGURES)), "build"]
 
 
 def main():
@@ -209,7 +209,7 @@ class Experiment:
             known = json.loads(file.read_text(encoding="utf-8"))
             if known["made_of"] == made_of.hexdigest():
                 return known["row"]
-        row = dict.fromkeys(COLUMNS, "") | {"cells": maze.cells, "seed": maze.seed, "planner": planner.id, "model": model, "solved": 0}
+        row = dict.fromkeys(COLUMNS, "") | {"cells": maze.cells, "seed": maze.seed, "planner": planner.id, "model": model, "solved": 0, "build": planner.digest}
         row.update(self.trial(planner, model, how, maze))
         replace(file, json.dumps({"made_of": made_of.hexdigest(), "row": row}, indent=1) + "\n")
         return row

@@ -24,7 +24,7 @@ EXECUTED = {"pairs": "contacts_agent_agent", "walls": "contacts_agent_obstacle",
 MEASURED = ("plan_ms", "first_ms", "makespan_s", "length_m", "inflation_m", "radius_m",
             *(f"{how}_{figure}" for how in EXECUTIONS for figure in EXECUTED))
 # Columns of a trial: which it is, how it ended, and figures of plan and executions, empty where there are none.
-COLUMNS = ["robots", "trial", "planner", "model", "kinds", "termination", "failure", "valid", *MEASURED, "contended", "machine"]
+COLUMNS = ["robots", "trial", "planner", "model", "kinds", "termination", "failure", "valid", *MEASURED, "contended", "machine", "build"]
 COUNTS = ("robots", "trial", "valid")
 PLANNER_COLUMNS = ["planner", "version", "model", "options", "left_out"]
 CALIBRATION = ["kind", "execution", "seed", "off_m", "off_rad", "radius_m", "inflation_m"]

@@ -28,6 +28,7 @@ mod grace;
 mod guide;
 mod league;
 mod maze_benchmark;
+mod pages;
 mod protocol;
 mod quadrupeds;
 #[path = "../rows.rs"]
