@@ -290,7 +290,22 @@ fn learning_the_map_has_limits_of_its_own() {
         let record = ended.json();
         assert_eq!(record["limit"], limit, "{ended}");
         assert!(ended.stderr.contains("`prepare`"), "{ended}");
+        let took = record["metrics"]["prepare_time_ms"].as_f64();
+        assert!(took.is_some_and(|took| took > 1.0), "{ended}");
+        assert_eq!(record["metrics"]["planning_time_ms"], 0.0, "{ended}");
     }
+    // People are told that it was not asked for a plan.
+    let line = faulty(
+        &faulty_library(),
+        "never",
+        &format!("{base} --prepare-budget 300ms"),
+    );
+    let line = line.join(" ").replace(" --format json", "");
+    let ended = Yard::new().run(&words(&line)).expect(NO_PLAN);
+    let mut lines = ended.stdout.lines();
+    let told = lines.find(|line| line.starts_with("learning the map  "));
+    let told = told.unwrap_or_else(|| panic!("{ended}"));
+    assert!(told.contains("was not asked for a plan"), "{ended}");
     // The same limits leave the plan alone when they are the plan's.
     let line = faulty(
         &faulty_library(),

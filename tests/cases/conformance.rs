@@ -669,7 +669,7 @@ fn every_case_is_failed() {
          other-representation",
     );
     // Figures and warnings alone; what depends on the machine.
-    let nobody = expected("scan-time output thread-limit");
+    let nobody = expected("scan-time output thread-limit large-case");
     let listed = Yard::new().line("plugins check --list --format json");
     for case in listed.expect(SUCCESS).json().as_array().unwrap() {
         let name = case["case"].as_str().unwrap();

@@ -1,6 +1,7 @@
 //! Plugins before and while they are asked.
 
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Budget, Capability, Descriptor, Kind, Motion, SharedEnvironment};
 use fleetyard_check::PathRule;
@@ -238,6 +239,14 @@ pub(crate) fn motion(descriptor: &Descriptor, rule: PathRule) -> Motion {
     }
 }
 
+/// A planner that cannot be asked for plans.
+pub(crate) struct Unready {
+    /// The reason.
+    pub(crate) fault: Fault,
+    /// The time for which it had been learning the map; none if it was not made.
+    pub(crate) after: Option<Duration>,
+}
+
 /// A planner that was started and can be asked.
 pub struct Running {
     pub(crate) session: Session,
@@ -257,18 +266,24 @@ impl Running {
         &mut self,
         environment: &SharedEnvironment,
         budget: &Budget,
-    ) -> Result<Option<CallReport>, Fault> {
+    ) -> Result<Option<CallReport>, Unready> {
         if self.trials == 0 {
             let options = Value::Object(self.options.clone());
             let id = self.descriptor.id.clone();
-            self.session.create(Kind::Planner, &id, options)?;
+            let made = self.session.create(Kind::Planner, &id, options);
+            made.map_err(|fault| Unready { fault, after: None })?;
         }
         self.trials += 1;
         let known = self.environment.as_ref();
         if known.is_some_and(|known| known == environment) {
             return Ok(None);
         }
-        let report = self.session.prepare(environment, budget)?;
+        let started = Instant::now();
+        let report = self.session.prepare(environment, budget);
+        let report = report.map_err(|fault| Unready {
+            fault,
+            after: Some(started.elapsed()),
+        })?;
         self.environment = Some(SharedEnvironment::clone(environment));
         Ok(Some(report))
     }

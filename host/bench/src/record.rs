@@ -300,7 +300,8 @@ pub struct Metrics {
     pub held_up_ms: Option<f64>,
     /// The part of it that an empty call takes, where that was measured.
     pub correction: Option<Correction>,
-    /// Of learning the map; absent when it was known.
+    /// Of learning the map, also where the planner ended there and was not asked for a plan; absent
+    /// when the map was known.
     pub prepare_time_ms: Option<f64>,
     /// Until the first plan had come.
     pub first_solution_ms: Option<f64>,
@@ -443,6 +444,13 @@ impl Record {
         claims.filter(|claim| claim.agrees == Some(false))
     }
 
+    /// True if the planner ended while it learnt the map.
+    pub fn ended_while_learning(&self) -> bool {
+        self.fault.is_some()
+            && self.metrics.prepare_time_ms.is_some()
+            && self.metrics.planning_time_ms == 0.0
+    }
+
     /// True if the plan keeps the rules of its view; none in the plane, which is the world, and without a
     /// view or a plan.
     pub fn valid_in_view(&self) -> Option<bool> {
@@ -567,6 +575,19 @@ impl Record {
             line(
                 "in the world",
                 format!("sum of costs {soc} s, makespan {makespan} s"),
+            );
+        }
+        let learning = metrics.prepare_time_ms;
+        let learning = learning.filter(|learning| *learning > metrics.planning_time_ms);
+        if let Some(learning) = learning {
+            let ended = if self.ended_while_learning() {
+                " (it ended there, and was not asked for a plan)"
+            } else {
+                ""
+            };
+            line(
+                "learning the map",
+                format!("{} ms{ended}", number(learning)),
             );
         }
         let mut planning = format!("{} ms", number(metrics.planning_time_ms));

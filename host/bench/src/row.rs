@@ -263,7 +263,7 @@ columns! {
     /// From the start of the plugin until it had introduced itself; absent when its process
     /// was used again.
     startup_time_ms: Option<f64>,
-    /// Wall time of learning the map; absent when it was known.
+    /// Wall time of learning the map, also where the planner ended there; absent when it was known.
     prepare_time_ms: Option<f64>,
     /// Start, learning the map and the call together, so far as they were made for this trial.
     total_time_ms: Option<f64>,
@@ -366,6 +366,11 @@ impl Row {
             Some(view) => format!("{} on {view}", self.planner).into(),
             None => self.planner.as_str().into(),
         }
+    }
+
+    /// True if the planner ended while it learnt the map, and was not asked for a plan.
+    pub fn ended_while_learning(&self) -> bool {
+        self.fault.is_some() && self.prepare_time_ms.is_some() && self.planning_time_ms == 0.0
     }
 
     /// Wall time of the trial, as far as it was measured: its start, learning the map, the call and the

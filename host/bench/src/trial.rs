@@ -21,7 +21,7 @@ use serde_json::Value;
 use crate::claims;
 use crate::correction::Calibration;
 use crate::options::{BudgetOptions, Robots, SandboxOptions};
-use crate::plugin::{Plugin, Running};
+use crate::plugin::{Plugin, Running, Unready};
 use crate::record::{
     BudgetInfo, CallInfo, ExecutionInfo, HostInfo, IncumbentInfo, Measurement, Metrics,
     PlannerInfo, Record, VerdictInfo, milliseconds, unranked,
@@ -197,7 +197,7 @@ impl Trial<'_> {
         let watched = self.host.reserved().map(Reservation::watched);
         let before = Snapshot::take(watched.as_ref());
         let startup = (running.trials == 0).then(|| running.session.startup());
-        let (run, prepared) = self.plan(&mut running, &environment);
+        let (run, learning, prepared) = self.plan(&mut running, &environment);
         // That is no trial of the planner.
         if let Some(fault) = run.fault.as_ref().filter(|fault| fault.is_of_host()) {
             running.close();
@@ -312,7 +312,7 @@ impl Trial<'_> {
                 plan.as_ref(),
                 found.as_ref(),
                 attach,
-                prepared.map(|prepared| milliseconds(prepared.wall)),
+                learning.map(milliseconds),
             ),
             verdict: VerdictInfo::default(),
             judged: None,
@@ -440,11 +440,13 @@ impl Trial<'_> {
         }
     }
 
+    /// Asks, after the planner has learnt the map: the run, the time for which it learnt, and the
+    /// report about that unless it ended there.
     fn plan(
         &self,
         running: &mut Running,
         environment: &SharedEnvironment,
-    ) -> (PlanRun, Option<CallReport>) {
+    ) -> (PlanRun, Option<Duration>, Option<CallReport>) {
         let allowed = &self.host.budget;
         let budget = |wall: Duration, memory_bytes: u64| Budget {
             nodes: allowed.nodes,
@@ -462,9 +464,10 @@ impl Trial<'_> {
                 let budget = budget(allowed.wall, allowed.plan_memory());
                 running.session.want_annotations(self.annotations);
                 running.session.follow(self.follower.cloned());
-                (running.session.plan(&instance, &budget), report)
+                let learning = report.as_ref().map(|report| report.wall);
+                (running.session.plan(&instance, &budget), learning, report)
             }
-            Err(fault) => (PlanRun::failed(fault), None),
+            Err(Unready { fault, after }) => (PlanRun::failed(fault), after, None),
         }
     }
 

@@ -281,6 +281,20 @@ impl Scene {
         Ok(Self::with_walks("large", grid, 1, random))
     }
 
+    /// Two agents whose ways cross in the middle of a large open map.
+    pub(crate) fn vast() -> Step<Self> {
+        const SIDE: u32 = 1000;
+        let grid = EmptySpec {
+            rows: SIDE,
+            cols: SIDE,
+        }
+        .generate()?;
+        let cell = |row: u32, col: u32| row * SIDE + col;
+        let starts = vec![cell(200, 350), cell(350, 800)];
+        let goals = vec![cell(800, 650), cell(650, 200)];
+        Ok(Self::new("vast", grid, starts, goals))
+    }
+
     /// The same, where agents have to turn before they go another way.
     pub(crate) fn turning(mut self) -> Self {
         const ALL: [Heading; 4] = [Heading::East, Heading::South, Heading::West, Heading::North];

@@ -242,6 +242,7 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
     caveats.extend(crowds(trials));
     caveats.extend(transport(trials, evaluation));
     caveats.extend(attachments(trials));
+    caveats.extend(learning(trials));
     let each = |of: fn(&Row) -> Option<&str>| -> Vec<&str> {
         let texts: BTreeSet<&str> = trials.rows().filter_map(of).collect();
         texts.into_iter().collect()
@@ -403,6 +404,41 @@ fn attachments(trials: &Trials<'_>) -> Option<String> {
             each.collect::<Vec<_>>().join(", ")
         )
     })
+}
+
+/// The sentences about planners that learn the map for longer than they plan, which no time of a plan
+/// shows, and about those that ended there.
+fn learning(trials: &Trials<'_>) -> Vec<String> {
+    let median = |planner: &Planner<'_>, of: fn(&Row) -> Option<f64>| {
+        quantile(&sorted(planner.rows().filter_map(of)), 0.5)
+    };
+    let planners = trials.planners().iter();
+    let longer = planners.clone().filter_map(|planner| {
+        let learnt = |row: &Row| row.prepare_time_ms;
+        let map = median(planner, learnt)?;
+        let call = median(planner, |row| {
+            row.prepare_time_ms.map(|_| row.planning_time_ms)
+        })?;
+        let [shown_map, shown_call] = [map, call].map(|time| digits(Some(time)));
+        (map > call).then(|| format!("{} {shown_map} ms beside {shown_call} ms", planner.label))
+    });
+    let longer = Vec::from_iter(longer).join(", ");
+    let longer = (!longer.is_empty()).then(|| {
+        format!(
+            "These planners learn the map for longer than they plan, and times are of the plan alone \
+             (`prepare_time_ms` beside `planning_time_ms`, medians): {longer}."
+        )
+    });
+    let ended = planners.filter_map(|planner| {
+        let count = planner.rows().filter(|row| row.ended_while_learning());
+        let count = count.count();
+        (count > 0).then(|| format!("{} in {}", planner.label, plural(count, "trial")))
+    });
+    let ended = Vec::from_iter(ended).join(", ");
+    let ended = (!ended.is_empty()).then(|| {
+        format!("Some ended while they learnt the map and were not asked for a plan: {ended}.")
+    });
+    longer.into_iter().chain(ended).collect()
 }
 
 /// A team that makes so much of the goals of a smaller one is no worse.
@@ -626,6 +662,32 @@ mod tests {
         let text = said(&[row("a", "worker", 363.0), row("b", "command", 1018.0)]).unwrap();
         assert!(
             text.contains("a 363 ms (worker), b 1018 ms (command)."),
+            "{text}"
+        );
+    }
+
+    /// A planner that learnt a map for 755 ms and planned for 3 ms looked like one of 3 ms, and one that
+    /// was killed there like one that found nothing.
+    #[test]
+    fn learning_the_map_is_not_hidden_by_planning() {
+        let row = |planner: &str, map_ms: Option<f64>, plan_ms: f64| Row {
+            prepare_time_ms: map_ms,
+            planning_time_ms: plan_ms,
+            fault: (plan_ms == 0.0).then(|| "did not answer `prepare`".into()),
+            ..solved(planner, 0, (plan_ms > 0.0).then_some(plan_ms))
+        };
+        let said = |rows: &[Row]| learning(&Trials::new(rows)).join("\n");
+        let quick = [row("quick", Some(0.2), 3.0), row("known", None, 3.0)];
+        assert_eq!(said(&quick), "");
+        let text = said(&[row("quick", Some(0.2), 3.0), row("slow", Some(755.0), 3.0)]);
+        assert!(
+            text.contains("medians): slow 755 ms beside 3.00 ms."),
+            "{text}"
+        );
+        assert!(!text.contains("quick"), "{text}");
+        let text = said(&[row("late", Some(500.0), 0.0), row("quick", Some(0.2), 3.0)]);
+        assert!(
+            text.contains("not asked for a plan: late in 1 trial."),
             "{text}"
         );
     }

@@ -153,6 +153,7 @@ struct Line {
     makespan_steps_mean: Option<f64>,
     first_solution_ms_median: Option<f64>,
     planning_time_ms_median: Option<f64>,
+    prepare_time_ms_median: Option<f64>,
     rtf_median: Option<f64>,
     contacts: Option<u64>,
     /// Trials whose times cannot be compared, because others were busy.
@@ -400,6 +401,7 @@ fn line(planner: &Planner<'_>, shared: &[usize]) -> Line {
         makespan_steps_mean: mean("makespan_steps"),
         first_solution_ms_median: median("first_solution_ms"),
         planning_time_ms_median: median("planning_time_ms"),
+        prepare_time_ms_median: median("prepare_time_ms"),
         rtf_median: median("rtf"),
         contacts: solved()
             .filter_map(|row| row.contacts)
@@ -495,6 +497,7 @@ fn table(lines: &[Line]) -> String {
         "makespan",
         "first ms",
         "total ms",
+        "map ms",
         "RTF",
         "contacts",
         "contended",
@@ -513,6 +516,7 @@ fn table(lines: &[Line]) -> String {
             cell(line.makespan_steps_mean),
             cell(line.first_solution_ms_median),
             cell(line.planning_time_ms_median),
+            cell(line.prepare_time_ms_median),
             cell(line.rtf_median),
             line.contacts
                 .map_or("-".into(), |contacts| contacts.to_string()),
@@ -520,7 +524,11 @@ fn table(lines: &[Line]) -> String {
             counted(&line.failures),
         ]
     });
-    output::table(&header, cells.collect(), &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    output::table(
+        &header,
+        cells.collect(),
+        &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    )
 }
 
 /// Each of the words once, with how often it is there.

@@ -98,6 +98,8 @@ struct Line {
     soc_s: Option<f64>,
     makespan_s: Option<f64>,
     planning_time_ms: Option<f64>,
+    /// Of learning the view; absent when it was known.
+    prepare_time_ms: Option<f64>,
     contacts: Option<u64>,
     nearest_approach_m: Option<f64>,
 }
@@ -126,6 +128,7 @@ impl Line {
             soc_s: row.soc_s,
             makespan_s: row.makespan_s,
             planning_time_ms: was_asked.then_some(row.planning_time_ms),
+            prepare_time_ms: row.prepare_time_ms,
             contacts: row.contacts,
             nearest_approach_m: row.nearest_approach_m,
         }
@@ -192,6 +195,7 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
         "SoC s",
         "makespan s",
         "planning ms",
+        "map ms",
         "contacts",
         "nearest m",
     ];
@@ -205,6 +209,7 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
             shown(row.soc_s),
             shown(row.makespan_s),
             shown(row.planning_time_ms),
+            shown(row.prepare_time_ms),
             row.contacts
                 .map_or("-".into(), |contacts| contacts.to_string()),
             shown(row.nearest_approach_m),
@@ -215,7 +220,7 @@ fn table(problem: &Problem, task: &Path, rows: &[Line]) -> String {
     out.push_str(&output::table(
         &header,
         cells.collect(),
-        &[4, 5, 6, 7, 8, 9],
+        &[4, 5, 6, 7, 8, 9, 10],
     ));
     for row in rows {
         if let Some(failure) = &row.failure {

@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{Capability, Kind};
-use fleetyard_runtime::{Fault, Session, Usage};
+use fleetyard_runtime::{Fault, PluginFile, Session, Usage};
 
 use super::answers::{at_least, easy, small};
 use crate::question::Question;
 use crate::report::milliseconds;
+use crate::representation::Representation;
 use crate::scene::Scene;
 use crate::stop::{Step, Stop};
 use crate::trial::{Call, Expectation, Trial, same};
@@ -254,6 +255,63 @@ pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
             few / MIB,
             4 * calls,
             many / MIB
+        )));
+    }
+    Ok(())
+}
+
+/// Memory and time follow what agents touch. Of a planner that others made it is a warning when they do
+/// not: those that kept the contract before there was this case keep it.
+pub(crate) fn large_case(trial: &mut Trial<'_>) -> Step<()> {
+    if trial.is_in_process() {
+        return Err(not_measured());
+    }
+    let strict = trial.subject.file == PluginFile::BuiltIn;
+    let vast = Scene::vast()?;
+    let representation = if trial.claims(Capability::Pebble) {
+        Representation::Grid
+    } else {
+        trial.any_representation()[0]
+    };
+    match cross(trial, &*representation.of(&vast), strict) {
+        Err(Stop::Failed(reason) | Stop::Crashed(reason)) if !strict => {
+            trial.warn(reason);
+            Ok(())
+        }
+        ended => ended,
+    }
+}
+
+/// Asks about a large map, and measures.
+fn cross(trial: &mut Trial<'_>, vast: &dyn Question, strict: bool) -> Step<()> {
+    /// Largest memory of the plugin's processes, in KiB.
+    const MOST_KB: u64 = 300_000_000 / 1024;
+    let wall = if strict {
+        at_least(trial.wall(), 2000)
+    } else {
+        trial.wall().min(Duration::from_secs(1))
+    };
+    let call = Call::of(wall);
+    let mut session = trial.open()?;
+    trial.create(&mut session)?;
+    let started = Instant::now();
+    // Reading the map is work, too.
+    let budget = trial.budget(&Call::of(at_least(wall, 5000)));
+    session.prepare(&vast.environment()?, &budget)?;
+    trial.figure("prepare_ms", milliseconds(started.elapsed()));
+    let answer = trial.ask(&mut session, vast, &call)?;
+    trial.figure("plan_ms", milliseconds(answer.wall));
+    trial.judge(vast, &answer, Expectation::Plan)?;
+    let usage = trial.close(session).usage;
+    let kb = usage
+        .and_then(|usage: Usage| usage.max_rss_kb)
+        .ok_or_else(not_measured)?;
+    let mb = kb as f64 * 1024.0 / 1e6;
+    trial.figure("memory_mb", mb);
+    if kb > MOST_KB {
+        return Err(Stop::Failed(format!(
+            "two agents on 1000 × 1000 cells need {mb:.0} MB of memory, more than 300 MB: memory has to \
+             follow what agents touch, not the cells of the map by their steps"
         )));
     }
     Ok(())

@@ -279,6 +279,9 @@ cases! {
     "memory-growth", ALL, NOTHING,
     "four times as many calls need no more memory",
     calls::memory_growth;
+    "large-case", PLANNER, &[Capability::Grid],
+    "two agents, or one, on 1000 × 1000 open cells within 300 MB of memory",
+    calls::large_case;
     "thread-limit", ALL, NOTHING,
     "allowed one thread, it uses no more CPU time than wall time",
     calls::thread_limit;

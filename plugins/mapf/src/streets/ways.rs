@@ -51,9 +51,9 @@ pub struct Moves {
     places: Box<[[i32; 2]]>,
     /// Rows and columns up to the last that have any.
     size: [u32; 2],
-    /// Moves that lead to the beginning of a move, and the quarter turns between: those of move
-    /// `i` are from `before_at[i]` up to but not including `before_at[i + 1]`.
-    before: Box<[(Move, u32)]>,
+    /// Moves that lead to the beginning of a move, and the quarter turns between in the lowest two bits:
+    /// those of move `i` are from `before_at[i]` up to but not including `before_at[i + 1]`.
+    before: Box<[u32]>,
     before_at: Box<[u32]>,
 }
 
@@ -87,10 +87,15 @@ impl Moves {
             before: Box::default(),
             before_at: Box::default(),
         };
-        let (mut before, mut before_at) = (Vec::new(), vec![0]);
-        for (&v, &heading) in moves.from.iter().zip(&moves.heading) {
+        // There are the most of these, by far: no more room than they need, also while they are made.
+        let ends = || moves.from.iter().zip(&moves.heading);
+        let count = ends().map(|(&v, _)| moves.leading_to(graph, v).count());
+        let mut before = Vec::with_capacity(count.sum());
+        let mut before_at = Vec::with_capacity(moves.len() + 1);
+        before_at.push(0);
+        for (&v, &heading) in ends() {
             let into = moves.leading_to(graph, v);
-            before.extend(into.map(|(d, number)| (number, quarters(heading, d))));
+            before.extend(into.map(|(d, number)| number << 2 | quarters(heading, d)));
             before_at.push(before.len() as u32);
         }
         moves.before = before.into();
@@ -408,7 +413,8 @@ impl Ways {
                 rest = Some(here);
             }
             let here = here + tolls.of(number);
-            for &(before, quarters) in &moves.before[at_of(number)..at_of(number + 1)] {
+            for &before in &moves.before[at_of(number)..at_of(number + 1)] {
+                let (before, quarters) = (before >> 2, before & 3);
                 let cost = here + tolls.turn * quarters;
                 let line = self.line(&mut search, before);
                 let entry = &line.rest[before as usize % LINE];
