@@ -82,7 +82,7 @@ def stored(path):
 
 
 def print_rows(folder):
-    writer = csv.DictWriter(sys.stdout, ["store", *COLUMNS], extrasaction="ignore", lineterminator="\n")
+    writer = csv.DictWriter(sys.stdout, ["store", *COLUMNS, *CLOCK], extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     for name in sorted(os.listdir(folder)):
         if name.endswith(".sqlite"):
