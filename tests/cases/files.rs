@@ -293,7 +293,7 @@ fn missing(tests: &mut Tests) {
         ),
         (
             "a folder for a map",
-            "run --map {here} --scen good.scen --agents 1 --planner lacam".into(),
+            "maps info {here}".into(),
             &["this is a folder, not a file"],
         ),
         (

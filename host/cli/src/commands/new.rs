@@ -111,7 +111,7 @@ const CPP_SDK: &[(&str, &str)] =
 const RUST_SDK: &[(&str, &str)] = copies!("abi/src":
     "annotation.rs" "c.rs" "clock.rs" "convert/annotation.rs" "convert/environment.rs" "convert/instance.rs"
     "convert/memory.rs" "convert/mod.rs" "convert/options.rs" "convert/plan.rs" "convert/sink.rs" "environment.rs"
-    "export.rs" "figures.rs" "layout.rs" "lib.rs" "lists.rs" "memory.rs" "model.rs" "moves.rs" "object.rs" "paths.rs"
+    "export.rs" "figures.rs" "layout.rs" "leftovers.rs" "lib.rs" "lists.rs" "memory.rs" "model.rs" "moves.rs" "object.rs" "paths.rs"
     "paths/motions.rs" "paths/reader.rs" "plan.rs" "sdk.rs" "serve.rs" "wire.rs");
 
 const PYTHON_SDK: &[(&str, &str)] = copies!("abi/python/fleetyard":
