@@ -69,7 +69,7 @@ pub enum TrialError {
     Incapable {
         /// Identifier of the planner.
         planner: String,
-        /// What it does not do.
+        /// The need that it does not meet.
         missing: Missing,
         /// Planners that do.
         able: Able,

@@ -152,7 +152,7 @@ pub(crate) enum Written {
 }
 
 impl Written {
-    /// What it is called, and the ends of names that are its own, the usual one first.
+    /// Its name for people, and the ends of file names that are its own, the usual one first.
     fn known(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Csv => ("CSV", &["csv"]),

@@ -224,7 +224,7 @@ impl<'a> Trial<'a> {
         !self.unknown.is_empty()
     }
 
-    /// What was found beside the outcome: warnings, notes and figures.
+    /// Findings beside the outcome: warnings, notes and figures.
     pub(crate) fn into_findings(self) -> (Vec<String>, Vec<String>, BTreeMap<String, f64>) {
         (self.warnings, self.notes, self.figures)
     }

@@ -10,7 +10,7 @@ use crate::{Discovery, Runtime};
 /// Most plugins that a hint names.
 const NAMED: usize = 12;
 
-/// What several plugins of a kind are called.
+/// The name of several plugins of a kind.
 pub fn plural(kind: Kind) -> &'static str {
     match kind {
         Kind::Planner => "planners",

@@ -72,12 +72,12 @@ static int32_t plan(void *context, const FleetyardInstance *instance,
   uint32_t *order = fleetyard_array(agents, sizeof *order);
   int32_t status = FLEETYARD_STATUS_GAVE_UP;
   FleetyardPaths paths = fleetyard_paths(FLEETYARD_FORM_CELLS, agents);
-  for (uint32_t i = 0; i < agents; i++) {
+  for (uint32_t i = 0; i < agents; i++)
     order[i] = i;
+  for (uint32_t i = 0; i < agents; i++)
     for (uint32_t other = 0; other < i; other++)
       if (instance->starts[i] == instance->starts[other])
         status = FLEETYARD_STATUS_INVALID_INPUT;
-  }
   for (; attempts > 0 && status == FLEETYARD_STATUS_GAVE_UP; attempts--) {
     uint32_t planned = 0;
     fleetyard_clear_paths(&paths);
