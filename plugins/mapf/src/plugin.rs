@@ -384,15 +384,12 @@ impl Block {
         clock.begin(2);
         let lanes = instance.window_steps > 0;
         let streets = lanes.then(|| self.streets.streets(&mut || clock.pause()));
-        let streets = match streets.flatten() {
-            Some(streets) => {
-                self.plain = None;
-                streets
-            }
-            None => {
-                let survey = || Survey::new(&self.graph, 0, self.step_s, self.bytes);
-                self.plain.get_or_insert_with(|| survey().finish())
-            }
+        let streets = if let Some(streets) = streets.flatten() {
+            self.plain = None;
+            streets
+        } else {
+            let survey = || Survey::new(&self.graph, 0, self.step_s, self.bytes);
+            self.plain.get_or_insert_with(|| survey().finish())
         };
         (&self.graph, streets)
     }

@@ -275,14 +275,12 @@ impl Ground {
                 };
                 let key = (goal, turning, lanes.is_some());
                 let bytes = Table::bytes(&graph, turning);
-                let table = match self.tables.kept(key) {
-                    Some(table) => table,
-                    None => {
-                        let made =
-                            Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
-                        let made = made.ok_or(ProblemError::Stopped)?;
-                        self.tables.get(key, bytes, || made).ok_or(memory)?
-                    }
+                let table = if let Some(table) = self.tables.kept(key) {
+                    table
+                } else {
+                    let made = Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
+                    let made = made.ok_or(ProblemError::Stopped)?;
+                    self.tables.get(key, bytes, || made).ok_or(memory)?
                 };
                 route.goals.push(goal);
                 route.tables.push(table);

@@ -8,8 +8,6 @@
 //! for what stays so for ever: 40 bytes per 64 steps of that, none where nobody comes, and 16 bytes of
 //! memory that is not touched before per vertex.
 
-use fleetyard_abi::leftovers::Leftover;
-
 use crate::graph::{DIRECTIONS, Graph, Vertex};
 
 /// Later than any time: of what never happens.
@@ -81,8 +79,8 @@ pub struct Reservations {
     end: u32,
     windowed: bool,
     /// Per vertex its [`Line`].
-    lines: Leftover<Vec<[u32; 4]>>,
-    words: Leftover<Vec<Word>>,
+    lines: Vec<[u32; 4]>,
+    words: Vec<Word>,
     /// Places of words that nobody has, by the logarithm of their number.
     unused: Vec<Vec<u32>>,
     /// Vertices with a line.
@@ -112,8 +110,8 @@ impl Reservations {
         Self {
             end: ((horizon / WORD + 1) * WORD) as u32,
             windowed: false,
-            lines: Leftover::new(vec![[0; 4]; graph.len()]),
-            words: Leftover::default(),
+            lines: vec![[0; 4]; graph.len()],
+            words: Vec::new(),
             unused: Vec::new(),
             touched: Vec::new(),
         }

@@ -422,7 +422,7 @@ fn learning(trials: &Trials<'_>) -> Vec<String> {
         let [shown_map, shown_call] = [map, call].map(|time| digits(Some(time)));
         (map > call).then(|| format!("{} {shown_map} ms beside {shown_call} ms", planner.label))
     });
-    let longer = Vec::from_iter(longer).join(", ");
+    let longer = longer.collect::<Vec<_>>().join(", ");
     let longer = (!longer.is_empty()).then(|| {
         format!(
             "These planners learn the map for longer than they plan, and times are of the plan alone \
@@ -434,7 +434,7 @@ fn learning(trials: &Trials<'_>) -> Vec<String> {
         let count = count.count();
         (count > 0).then(|| format!("{} in {}", planner.label, plural(count, "trial")))
     });
-    let ended = Vec::from_iter(ended).join(", ");
+    let ended = ended.collect::<Vec<_>>().join(", ");
     let ended = (!ended.is_empty()).then(|| {
         format!("Some ended while they learnt the map and were not asked for a plan: {ended}.")
     });

@@ -126,7 +126,7 @@ pub(crate) fn convert(arguments: &Convert) -> Result<Exit> {
         let named = arguments.map.as_deref().map(file_name);
         named.or_else(|| contents.map_file.clone())
     };
-    let parts = parts(arguments, &contents, named, scenario, map_file)?;
+    let parts = parts(arguments, &contents, named, scenario.as_ref(), map_file)?;
     let mut written = parts.write(format, &name)?;
     if with_map {
         let map = parts.write(Format::Map, &name)?;
@@ -377,7 +377,7 @@ fn parts(
     arguments: &Convert,
     contents: &Contents,
     named: Option<Arc<Grid>>,
-    scenario: Option<AgentList>,
+    scenario: Option<&AgentList>,
     map_file: Option<String>,
 ) -> Result<Parts> {
     let two = |what: &str, option: &str| {
@@ -395,7 +395,7 @@ fn parts(
     if scenario.is_some() && contents.agents.is_some() {
         return Err(two("starts and goals", "--scen"));
     }
-    let list = scenario.as_ref().or(contents.agents.as_ref());
+    let list = scenario.or(contents.agents.as_ref());
     let agents = arguments
         .agents
         .or_else(|| contents.plan.as_ref().map(|file| file.plan.agents()));

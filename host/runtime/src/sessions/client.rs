@@ -69,6 +69,10 @@ pub(crate) struct Reply {
 }
 
 /// A connection to a plugin.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "three pipes are open or not, and the plugin is busy or not"
+)]
 pub(crate) struct Client<T: Transport = Process> {
     pub(super) transport: T,
     pub(super) limits: Limits,

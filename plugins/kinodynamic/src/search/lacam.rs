@@ -88,6 +88,9 @@ pub enum Ended {
 /// Choices of a robot in one step, by what remains after them.
 type Choices = Vec<Rc<Action>>;
 
+/// By robot and state the way to its goal, if there is one.
+type Alone = HashMap<(usize, [u64; 7]), Option<Rc<Course>>>;
+
 /// LaCAM for a team.
 pub struct Search<'s, 'a> {
     team: &'a Team<'a>,
@@ -100,7 +103,7 @@ pub struct Search<'s, 'a> {
     still: f64,
     nodes: Leftover<Vec<Node>>,
     /// Ways of single robots from states to their goals.
-    alone: Leftover<HashMap<(usize, [u64; 7]), Option<Rc<Course>>>>,
+    alone: Leftover<Alone>,
     /// Configurations that were made.
     pub made: u64,
 }
