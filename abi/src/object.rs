@@ -117,7 +117,7 @@ impl Object {
         Some(learner.prepare(environment, budget, sink))
     }
 
-    /// What learns maps, of any kind that does.
+    /// A plugin that learns maps, of any kind that does.
     fn learner(&mut self) -> Option<&mut dyn Prepare> {
         match self {
             Self::Planner(plugin) => Some(&mut **plugin),

@@ -321,7 +321,7 @@ const ROWS: &[Row] = &[
     ),
 ];
 
-/// What is read the same.
+/// Files that are read the same.
 fn same(tests: &mut Tests) {
     let maps = [
         "bom", "blank", "crlf", "nonl", "renamed", "tab", "upper", "wh",

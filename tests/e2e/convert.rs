@@ -594,8 +594,8 @@ fn a_hall_does_not_grow_in_silence() {
     let fleet = "fleet --map hall.map --agents 2 --planner pibt --duration 5s --cell-size";
     let ended = yard.line(&format!("{fleet} 1.4")).expect(SUCCESS);
     for text in [
-        "hall.map: with cells of 1.4 m this is a map of 28 by 16.8 m; it was made of cells of 0.5 m, \
-         and 10 by 6 m",
+        "hall.map: with cells of 1.40 m this is a map of 28.0 by 16.8 m; it was made of cells of \
+         0.50 m, and 10.0 by 6.00 m",
         "hall.grid.json says so; --cell-size 0.5 keeps the world's size",
     ] {
         assert!(ended.stderr.contains(text), "no `{text}`: {ended}");

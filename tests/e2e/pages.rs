@@ -62,9 +62,9 @@ struct Kept {
     seconds: fn(&Row) -> f64,
     /// True where the clock has no part in the row.
     repeats: fn(&Row) -> bool,
-    /// What makes the row anew: the script with its first words.
+    /// The command that makes the row anew: the script with its first words.
     script: &'static str,
-    /// What measures the whole page anew.
+    /// The command that measures the whole page anew.
     anew: &'static str,
     /// Rows of the sample.
     sample: usize,
@@ -304,7 +304,7 @@ fn was_late(row: &Row, now: &Row) -> bool {
     late || (timed_out(now) && !timed_out(row))
 }
 
-/// What differs, in words.
+/// The differences, in words.
 fn differences(kept: &Kept, row: &Row, now: &Row) -> Vec<String> {
     let same = |column: &&&str| {
         let (old, new) = (row.text(column), now.text(column));

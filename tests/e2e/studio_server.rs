@@ -413,7 +413,7 @@ fn a_page_that_does_not_read_keeps_nobody_waiting() {
     drop(slow);
 }
 
-/// What nobody has saved is told, and a new document gets files by a name, beside which none is lost.
+/// Changes that nobody has saved are told, and a new document gets files by a name, beside which none is lost.
 #[test]
 fn a_new_document_is_saved_under_a_name() {
     let yard = Yard::new();

@@ -522,7 +522,7 @@ fn planner(attach: Attach) {
     assert_eq!(closing.usage.is_none(), attach == Attach::InProcess);
 }
 
-/// What takes long to free is freed when the call has been answered, and before the next one begins.
+/// Memory that takes long to free is freed when the call has been answered, and before the next one begins.
 fn leftovers(attach: Attach) {
     let mut session = open(attach, Kind::Planner);
     let short = |nodes| Budget {

@@ -255,7 +255,7 @@ fn in_plane(dynamics: &str, agents: usize) -> Option<[Question; 2]> {
     Some([stuck, huge])
 }
 
-/// What a planner is asked: the first that it takes.
+/// The instance that a planner is asked: the first that it takes.
 fn questions(descriptor: &Descriptor) -> Vec<[Question; 2]> {
     let has = |capability| descriptor.capabilities.has(capability);
     if has(Capability::Grid) {

@@ -294,7 +294,7 @@ impl Survey {
         }
     }
 
-    /// What is learnt with one more part.
+    /// The parts with one more learnt.
     fn next(&mut self) -> Learnt {
         let (graph, charge) = (&*self.graph, self.charge);
         let open = |lanes: &Lanes, v, d| charge == 0 || !lanes.is_barred(v, d);

@@ -45,7 +45,7 @@ pub fn heading(direction: u8) -> Heading {
 #[derive(Debug, Clone)]
 pub struct Graph {
     neighbors: Vec<[Vertex; DIRECTIONS]>,
-    /// Where one comes from, where that is not everywhere where one gets.
+    /// The vertices from which one comes, where these are not those where one gets.
     sources: Option<Vec<[Vertex; DIRECTIONS]>>,
     degrees: Vec<u8>,
     open: Vec<bool>,

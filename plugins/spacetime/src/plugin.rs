@@ -191,7 +191,7 @@ impl<'a> Call<'a> {
     }
 }
 
-/// What the budget allows less a quarter, for all that nobody counts: for a search that has no tables
+/// Three quarters of what the budget allows, since there is more that nobody counts: for a search that has no tables
 /// beside.
 pub fn most_of_memory(budget: &Budget) -> u64 {
     match budget.memory_bytes {

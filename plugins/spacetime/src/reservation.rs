@@ -666,7 +666,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// What is added and taken back out, with delays and windows, is what a plain table says.
+        /// Reservations that are added and taken back out, with delays and windows, are those of a plain table.
         #[test]
         fn sparse_tables_say_what_plain_ones_do(
             paths in prop::collection::vec(walk(), 1..5),

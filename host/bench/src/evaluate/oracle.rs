@@ -241,7 +241,7 @@ fn holm(p: &[f64]) -> Vec<f64> {
     p.iter().map(|own| corrected(*own)).collect()
 }
 
-/// What the rows of a suite say, in the order of its planners.
+/// The figures of a suite's rows, in the order of its planners.
 struct Told<'a> {
     cases: Vec<Asked<'a>>,
     planners: Vec<&'a str>,

@@ -856,7 +856,7 @@ fn ratios_are_of_positive_values_alone() {
     }
 }
 
-/// Where only one planner has a sum of costs, there is nothing to compare.
+/// Sums of costs that only one planner has are compared with nothing.
 #[test]
 fn costs_of_one_planner_alone_are_not_compared() {
     let mut all = rows("a", &[Some(1.0), Some(1.0)]);
@@ -1086,7 +1086,7 @@ fn standings_count_failures_and_say_how_sure_ranks_are() {
     assert_eq!(alone.standings[0].contribution_ms, Some(20_000.0 - 5.5));
 }
 
-/// Where no instance is solved by all, resamples rank by what each planner solved, its lengths included.
+/// Resamples rank by what each planner solved, its lengths included, where no instance is solved by all.
 #[test]
 fn resampled_ranks_without_shared_successes_are_of_own_lengths() {
     let half = |planner: &str, solves: usize, length: f64| -> Vec<Row> {

@@ -263,7 +263,7 @@ fn the_first_conflict_comes_first() {
     );
 }
 
-/// What can do anything.
+/// A robot that can do anything.
 fn free() -> Dynamics {
     Dynamics {
         travel: Travel::Polar {

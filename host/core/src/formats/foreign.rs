@@ -10,7 +10,7 @@ use crate::InputError;
 pub(crate) struct Foreign {
     is: &'static str,
     hint: &'static str,
-    /// What stands in the text, as a pattern of its begin or of lines that it all has.
+    /// The marks of the text: a pattern of its begin, or of lines that it all has.
     begin: &'static str,
     lines: &'static [&'static str],
 }

@@ -330,7 +330,7 @@ fn contains(text: &[u8], wanted: &[u8]) -> bool {
     text.windows(wanted.len()).any(|window| window == wanted)
 }
 
-/// What is known beside a file, which some formats do not say.
+/// Facts that are known beside a file, which some formats do not say.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Known<'a> {
     /// Rows and columns of the map.

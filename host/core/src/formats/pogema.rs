@@ -34,7 +34,7 @@ pub fn read_pogema(source: &str, bytes: &[u8]) -> Result<(Grid, Option<AgentList
     let first = whole.split_whitespace().next().unwrap_or_default();
     if !first.is_empty() && first.bytes().all(is_letter) {
         let lines = (1..).zip(whole.lines());
-        return read_rows(source, lines.map(|(line, row)| (Some(line), row.trim())));
+        return read_rows(source, 1, lines.map(|(line, row)| (Some(line), row.trim())));
     }
     let mut yaml = Yaml::new(source, whole)?;
     let mut maps: Vec<(String, String, u64)> = Vec::new();
@@ -45,11 +45,13 @@ pub fn read_pogema(source: &str, bytes: &[u8]) -> Result<(Grid, Option<AgentList
     })?;
     yaml.finish()?;
     match maps.as_slice() {
-        [(_, rows, _)] => {
+        [(_, rows, line)] => {
             let lines = rows.lines().map(|row| (None, row.trim()));
-            read_rows(source, lines)
+            read_rows(source, *line, lines)
         }
-        [] => Err(InputError::new(source, "there is no map").hint(HINT)),
+        [] => Err(InputError::new(source, "there is no map")
+            .at_line(1)
+            .hint(HINT)),
         [_, (name, _, line), ..] => {
             let reason = format!(
                 "there are {} maps in the file, {} the second of them",
@@ -63,9 +65,10 @@ pub fn read_pogema(source: &str, bytes: &[u8]) -> Result<(Grid, Option<AgentList
     }
 }
 
-/// Reads rows, with their lines where those are known.
+/// Reads rows, with their lines where those are known; the map begins in line `first`.
 fn read_rows<'a>(
     source: &str,
+    first: u64,
     lines: impl Iterator<Item = (Option<u64>, &'a str)>,
 ) -> Result<(Grid, Option<AgentList>), InputError> {
     let mut terrain = Vec::new();
@@ -77,7 +80,7 @@ fn read_rows<'a>(
             let error = InputError::new(source, reason);
             match line {
                 Some(line) => error.at(line, col as u64 + 1),
-                None => error,
+                None => error.at_line(first),
             }
         };
         if rows == 0 {
@@ -113,9 +116,9 @@ fn read_rows<'a>(
         rows += 1;
     }
     let cols = u32::try_from(cols).unwrap_or(u32::MAX);
-    let grid = Grid::new(stem(source), rows, cols, terrain).map_err(|error| InputError {
-        source: source.to_owned(),
-        ..error
+    let grid = Grid::new(stem(source), rows, cols, terrain).map_err(|error| {
+        let source = source.to_owned();
+        InputError { source, ..error }.at_line(first)
     })?;
     if !starts.keys().eq(goals.keys()) {
         let lone = starts.keys().find(|letter| !goals.contains_key(*letter));
@@ -125,7 +128,7 @@ fn read_rows<'a>(
             ("start", lone.copied().unwrap_or_default())
         });
         let reason = format!("an agent has no {what} '{}'", char::from(letter));
-        return Err(InputError::new(source, reason).hint(HINT));
+        return Err(InputError::new(source, reason).at_line(first).hint(HINT));
     }
     let agents = starts.into_values().zip(goals.into_values());
     let agents: Vec<AgentEntry> = agents
@@ -172,8 +175,8 @@ mod tests {
         for (text, expected) in [
             (".#\n.\n", "m:2:2: map row 1 has 1 letters"),
             (".#\n.2\n", "m:2:2: unknown letter '2' in map row 1"),
-            (".#\na.\n", "m: an agent has no goal 'A'"),
-            (".#\nA.\n", "m: an agent has no start 'a'"),
+            (".#\na.\n", "m:1: an agent has no goal 'A'"),
+            (".#\nA.\n", "m:1: an agent has no start 'a'"),
             ("aA\na.\n", "m:2:1: 'a' stands at row 0, column 0 already"),
             (
                 "one: |\n  ..\ntwo: |\n  ..\n",
@@ -183,7 +186,7 @@ mod tests {
                 "one: [1]\n",
                 "m:1:6: expected the rows of a map as a text, found a list",
             ),
-            ("one: \"\"\n", "m: a map of 0 rows"),
+            ("one: \"\"\n", "m:1: a map of 0 rows"),
         ] {
             let error = read_pogema("m", text.as_bytes()).expect_err(text);
             assert!(error.to_string().starts_with(expected), "{text}: {error}");

@@ -572,7 +572,7 @@ fn a_turn_that_takes_steps_begins_with_the_first_of_them() {
     assert_eq!(adg.cut_within(0.5, 0.0, &PACE).cells, [1]);
 }
 
-/// Who closes a cell asks whether somebody is there, was told to come, or is to come.
+/// A cell closes only where nobody is, was told to come, or is to come.
 #[test]
 fn cells_are_held_by_who_is_there_and_who_was_told() {
     let grid = open(1, 6);

@@ -140,7 +140,7 @@ fn without_barred_moves_every_cell_is_still_reached_from_every_other() {
     assert!(by_lanes > 1000 && by_doors > 50, "{by_lanes}, {by_doors}");
 }
 
-/// Where there is no time for a search, costs are what they are at least; and what they are once there is.
+/// Costs are what they are at least where there is no time for a search; and what they are once there is.
 #[test]
 fn without_time_costs_are_what_they_are_at_least() {
     let mut random = Random::new(9, 0);
