@@ -89,7 +89,7 @@ impl Lanes {
     }
 
     /// True for maps with long streets, on which lanes are worth their detours: a cell lies on a straight way
-    /// of [`LONG`] cells and more on average, along rows or along columns. Between scattered obstacles agents
+    /// of 20 cells and more on average, along rows or along columns. Between scattered obstacles agents
     /// get round one another, and lanes are in their way.
     pub fn are_worth(graph: &Graph) -> bool {
         [1, 2].into_iter().any(|d| {

@@ -119,6 +119,12 @@ impl Page {
     /// Calls a method of the protocol.
     #[track_caller]
     pub fn call(&mut self, method: &str, parameters: &Value) -> Value {
+        let answer = self.ask(method, parameters);
+        answer.unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// Calls a method of the protocol; the error where it is refused.
+    fn ask(&mut self, method: &str, parameters: &Value) -> Result<Value, Value> {
         self.last += 1;
         let id = self.last;
         let mut message = json!({"id": id, "method": method, "params": parameters});
@@ -132,8 +138,10 @@ impl Page {
             };
             let mut said: Value = serde_json::from_str(&text).unwrap();
             if said["id"] == id {
-                assert!(said["error"].is_null(), "{method}: {}", said["error"]);
-                return said["result"].take();
+                return match said["error"].take() {
+                    Value::Null => Ok(said["result"].take()),
+                    error => Err(error),
+                };
             }
             self.hear(&said);
         }
@@ -177,12 +185,16 @@ impl Page {
     /// Waits until an expression is true.
     #[track_caller]
     pub fn until(&mut self, expression: &str) {
-        // A page that is just being loaded has no names yet.
+        // A page that is just being loaded has no names yet, and one that goes has no answer.
         let asked = format!(
             "(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
         );
+        let asked = json!({"expression": asked, "returnByValue": true});
         let end = Instant::now() + PATIENCE;
-        while self.eval(&asked) != true {
+        while !self
+            .ask("Runtime.evaluate", &asked)
+            .is_ok_and(|answer| answer["result"]["value"] == true)
+        {
             assert!(
                 Instant::now() < end,
                 "never true: {expression}\n{:?}",
