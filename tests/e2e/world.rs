@@ -233,7 +233,8 @@ fn maps_have_allowed_moves() {
     }
     let refused = run("jump-point-search").expect(NO_PLAN).stderr;
     assert!(
-        refused.contains("does not support `move-mask`") && refused.contains("`cbs`"),
+        refused.contains("does not support `move-mask`")
+            && refused.contains("planners that do: pp, pbs, "),
         "{refused}"
     );
 }

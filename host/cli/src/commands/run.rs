@@ -427,6 +427,10 @@ fn save(
 
 /// That what a failed run left is no solution, with the reason and how far it came.
 fn not_a_solution(record: &Record) -> Option<String> {
+    // A plan that keeps all rules is one, whatever became of the run.
+    if record.verdict.valid && record.judged.is_none() {
+        return None;
+    }
     let reason = record.failure()?;
     let there = record
         .metrics
