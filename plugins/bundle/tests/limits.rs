@@ -390,7 +390,7 @@ fn a_limit_of_nodes_is_not_said_to_be_the_clock() {
             break;
         }
     }
-    for id in ["astar", "pp", "pbs", "cbs", "ecbs", "mapf-lns2", "ccbs"] {
+    for id in ["astar", "pp", "pbs", "cbs", "mapf-lns2", "ccbs"] {
         assert!(
             ended.iter().any(|other| other == id),
             "{id} did not end: {ended:?}"

@@ -192,7 +192,10 @@ impl Grid {
             self.exits[near as usize] = self.exits_of(near);
         }
         if self.one_way.is_some() {
-            for changed in near.into_iter().chain([place]) {
+            // Nobody leaves a cell that is not free, before or now.
+            let left = near.into_iter().filter(|near| self.free_at(*near));
+            let left: Vec<Place> = left.chain([place]).collect();
+            for changed in left {
                 for direction in 0..8 {
                     let beyond = self.step(changed, direction);
                     if self.free_at(beyond) {
