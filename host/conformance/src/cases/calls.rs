@@ -264,6 +264,8 @@ pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
 /// does not, and a note where it has no time for so large a map: those that kept the contract before there
 /// was this case keep it.
 pub(crate) fn large_case(trial: &mut Trial<'_>) -> Step<()> {
+    /// Largest memory of the plugin's processes, in MB.
+    const MOST_MB: f64 = 300.0;
     if trial.is_in_process() {
         return Err(not_measured());
     }
@@ -274,8 +276,6 @@ pub(crate) fn large_case(trial: &mut Trial<'_>) -> Step<()> {
     } else {
         trial.any_representation()[0]
     };
-    /// Largest memory of the plugin's processes, in MB.
-    const MOST_MB: f64 = 300.0;
     let mb = match cross(trial, &*representation.of(&vast), strict) {
         Err(Stop::Failed(reason) | Stop::Crashed(reason)) if !strict => {
             trial.note(reason);
