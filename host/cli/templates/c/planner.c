@@ -12,6 +12,11 @@ typedef struct {
   uint32_t attempts;
 } Planner;
 
+/* A cell where the agent can be at a time, and the step before by its place in the list. */
+typedef struct {
+  uint32_t cell, before;
+} Step;
+
 /* Adds a shortest path of an agent that meets none of the others, if there is one. */
 static bool find_path(const FleetyardInstance *instance, uint32_t agent, FleetyardPaths *all,
                       const FleetyardSink *sink) {
@@ -24,46 +29,60 @@ static bool find_path(const FleetyardInstance *instance, uint32_t agent, Fleetya
       end = t > end ? t : end;
       rest = all->of[i].places[t] == goal && t + 1 > rest ? t + 1 : rest;
     }
-  uint32_t most = end + cells; /* later, nothing new can be reached */
-  /* from[t][cell] is where the agent was before, if it can be there at time t. */
-  uint32_t **from = fleetyard_array((size_t)most + 1, sizeof *from);
-  /* Who is where, one step ago and now: 1 and more, 0 for nobody. */
+  /* The steps of all times, one time after the other: those of the last two begin at `last`
+   * and at `first`. Memory follows what the agent can reach. */
+  Step *steps = fleetyard_array(1, sizeof *steps);
+  uint64_t room = 1;
+  uint32_t last = 0, first = 0, count = 1, found = NONE;
+  steps[0].cell = instance->starts[agent];
+  /* The last step in each cell, and who is where, one step ago and now: 1 and more, 0 for nobody. */
+  uint32_t *step_in = fleetyard_array(cells, sizeof *step_in);
   uint32_t *before = fleetyard_array(cells, sizeof *before);
   uint32_t *now = fleetyard_array(cells, sizeof *now);
-  from[0] = memset(fleetyard_array(cells, sizeof **from), 0xFF, cells * sizeof **from);
-  from[0][instance->starts[agent]] = instance->starts[agent];
-  while ((from[time][goal] == NONE || time < rest) && time < most && !fleetyard_cancelled(sink)) {
-    time++;
-    from[time] = memset(fleetyard_array(cells, sizeof **from), 0xFF, cells * sizeof **from);
+  for (;;) {
+    for (uint32_t i = first; i < count && time >= rest; i++)
+      found = steps[i].cell == goal ? i : found;
+    /* Once the others stand still, what is not reached now never will be. */
+    bool is_all = count == first || (time > end && count - first == first - last);
+    if (found != NONE || is_all || fleetyard_cancelled(sink))
+      break;
+    time++, last = first, first = count;
     for (uint32_t i = 0; i < all->agents; i++)
       if (all->of[i].length > 0)
         before[fleetyard_path_at(&all->of[i], time - 1)] =
             now[fleetyard_path_at(&all->of[i], time)] = i + 1;
-    for (uint32_t cell = 0; cell < cells; cell++)
-      for (int move = 0; move < 9 && from[time - 1][cell] != NONE; move++) {
-        uint32_t to = fleetyard_move(grid, cell, move); /* the last move waits */
-        if (to == NONE || from[time][to] != NONE || now[to])
+    for (uint32_t i = last; i < first; i++)
+      for (int move = 0; move < 9; move++) {
+        uint32_t cell = steps[i].cell, to = fleetyard_move(grid, cell, move); /* the last move waits */
+        if (to == NONE || now[to] || (before[to] && before[to] == now[cell]))
+          continue; /* they would meet there, or exchange cells */
+        if (step_in[to] >= first) { /* of several cells it comes from the first */
+          Step *known = &steps[step_in[to]];
+          known->before = cell < steps[known->before].cell ? i : known->before;
           continue;
-        if (before[to] && before[to] == now[cell])
-          continue; /* they would exchange cells */
-        from[time][to] = cell;
+        }
+        if (count == room) {
+          uint64_t more = fleetyard_more_room(room, room + 1);
+          steps = fleetyard_grown(steps, room, more, sizeof *steps);
+          room = more;
+        }
+        step_in[to] = count;
+        steps[count++] = (Step){to, i};
       }
     for (uint32_t i = 0; i < all->agents; i++)
       if (all->of[i].length > 0)
         before[fleetyard_path_at(&all->of[i], time - 1)] =
             now[fleetyard_path_at(&all->of[i], time)] = 0;
   }
-  bool found = from[time][goal] != NONE && time >= rest;
-  uint32_t *path = fleetyard_array((size_t)time + 1, sizeof *path);
-  path[time] = goal;
-  for (uint32_t t = time; t > 0 && found; t--)
-    path[t - 1] = from[t][path[t]];
-  if (found)
+  if (found != NONE) {
+    uint32_t *path = fleetyard_array((size_t)time + 1, sizeof *path);
+    for (uint32_t t = time + 1, step = found; t > 0; step = steps[step].before)
+      path[--t] = steps[step].cell;
     fleetyard_add_cells(all, agent, path, (uint64_t)time + 1);
-  for (uint32_t t = 0; t <= time; t++)
-    free(from[t]);
-  free(from), free(path), free(before), free(now);
-  return found;
+    free(path);
+  }
+  free(steps), free(step_in), free(before), free(now);
+  return found != NONE;
 }
 
 static int32_t plan(void *context, const FleetyardInstance *instance,

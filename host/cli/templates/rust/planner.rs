@@ -187,8 +187,9 @@ fn neighbours(grid: &GridEnvironment) -> Vec<Vec<u32>> {
             (row + 1 < rows).then(|| cell + cols),
             (col > 0).then(|| cell - 1),
         ];
-        let free = |near: &u32| grid.passable[*near as usize] != 0;
-        near.into_iter().flatten().filter(free).collect()
+        let is_free = |cell: u32| grid.passable[cell as usize] != 0;
+        let may = |near: &u32| is_free(cell) && is_free(*near);
+        near.into_iter().flatten().filter(may).collect()
     };
     (0..rows * cols).map(of_cell).collect()
 }
