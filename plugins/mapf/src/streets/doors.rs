@@ -177,6 +177,9 @@ impl<'g> Town<'g> {
     fn direct(&mut self) -> Vec<(usize, usize)> {
         let mut directed = Vec::new();
         for link in 0..self.links.len() {
+            if self.work == 0 {
+                break;
+            }
             let Some(passage) = self.links[link].passage else {
                 continue;
             };
