@@ -318,6 +318,15 @@ pub struct Tables<K, T> {
     kept: BTreeMap<K, Kept<T>>,
 }
 
+/// The reason why there is no table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoTable {
+    /// All that are in use take more than the limit.
+    Full,
+    /// It was not made in time.
+    Stopped,
+}
+
 #[derive(Debug)]
 struct Kept<T> {
     table: Arc<T>,
@@ -393,19 +402,29 @@ impl<K: Copy + Ord, T> Tables<K, T> {
     /// The table of a key, which takes so many bytes. What was not asked for since
     /// [`Tables::begin`] makes room; `None` when what was asked for exceeds the limit.
     pub fn get(&mut self, key: K, bytes: u64, make: impl FnOnce() -> T) -> Option<Arc<T>> {
+        self.try_get(key, bytes, || Some(make())).ok()
+    }
+
+    /// The same with a table that may not be made in time. Where there is no room, nothing is made.
+    pub fn try_get(
+        &mut self,
+        key: K,
+        bytes: u64,
+        make: impl FnOnce() -> Option<T>,
+    ) -> Result<Arc<T>, NoTable> {
         if let Some(table) = self.kept(key) {
-            return Some(table);
+            return Ok(table);
         }
         if self.bytes + bytes > self.limit {
             // And a quarter of the limit beside, so that this is rare.
             let most = (self.limit - self.limit / 4).saturating_sub(bytes);
             self.drop_old(most);
             if self.bytes + bytes > self.limit {
-                return None;
+                return Err(NoTable::Full);
             }
         }
+        let table = Arc::new(make().ok_or(NoTable::Stopped)?);
         self.bytes += bytes;
-        let table = Arc::new(make());
         let kept = Kept {
             table: Arc::clone(&table),
             bytes,
@@ -413,7 +432,7 @@ impl<K: Copy + Ord, T> Tables<K, T> {
         };
         self.asked.push(key);
         self.kept.insert(key, kept);
-        Some(table)
+        Ok(table)
     }
 
     /// Drops tables that this call has not asked for, those that were not asked for longest first,

@@ -41,8 +41,11 @@ const MOST_DELAY: usize = 1 << 16;
 pub struct Chooser<'g> {
     graph: &'g Graph,
     goals: Vec<Vertex>,
-    /// Agents per vertex, once for each arrival there.
+    /// Lists of agents, once for each arrival in a vertex: the first is that of vertices where nobody
+    /// has come yet.
     visits: Vec<Vec<u32>>,
+    /// Per vertex the place of its list.
+    list: Vec<u32>,
     /// The agent whose goal a vertex is.
     owners: Vec<u32>,
     /// Agents already spoken for.
@@ -63,7 +66,8 @@ impl<'g> Chooser<'g> {
         let mut chooser = Self {
             graph,
             goals: goals.to_vec(),
-            visits: vec![Vec::new(); graph.len()],
+            visits: vec![Vec::new()],
+            list: vec![0; graph.len()],
             owners,
             taken: vec![false; paths.len()],
             members: Vec::new(),
@@ -81,7 +85,12 @@ impl<'g> Chooser<'g> {
         let mut last = Vertex::MAX;
         for &v in path {
             if v != last {
-                self.visits[v as usize].push(agent);
+                let list = &mut self.list[v as usize];
+                if *list == 0 {
+                    *list = self.visits.len() as u32;
+                    self.visits.push(Vec::new());
+                }
+                self.visits[*list as usize].push(agent);
             }
             last = v;
         }
@@ -92,13 +101,18 @@ impl<'g> Chooser<'g> {
         let mut last = Vertex::MAX;
         for &v in path {
             if v != last {
-                let visits = &mut self.visits[v as usize];
+                let visits = &mut self.visits[self.list[v as usize] as usize];
                 if let Some(at) = visits.iter().position(|&a| a == agent) {
                     visits.swap_remove(at);
                 }
             }
             last = v;
         }
+    }
+
+    /// The agents that pass a vertex, once for each arrival there.
+    fn visits(&self, v: Vertex) -> &[u32] {
+        &self.visits[self.list[v as usize] as usize]
     }
 
     /// Makes all agents available again.
@@ -203,8 +217,8 @@ impl<'g> Chooser<'g> {
                 self.take_occupant(next, t + 1, paths);
                 if next != v {
                     // The one that comes the other way, if there is one.
-                    for k in 0..self.visits[v as usize].len() {
-                        let other = self.visits[v as usize][k];
+                    for k in 0..self.visits(v).len() {
+                        let other = self.visits(v)[k];
                         let path = &paths[other as usize];
                         if path.get(t) == Some(&next) && path.get(t + 1) == Some(&v) {
                             self.take(other);
@@ -230,11 +244,11 @@ impl<'g> Chooser<'g> {
         while self.members.len() < size && next < queue.len() {
             let v = queue[next];
             next += 1;
-            let count = self.visits[v as usize].len();
+            let count = self.visits(v).len();
             let first = random.below(count);
             for k in 0..count {
                 if self.members.len() < size {
-                    let agent = self.visits[v as usize][(first + k) % count];
+                    let agent = self.visits(v)[(first + k) % count];
                     self.take(agent);
                 }
             }
@@ -265,7 +279,8 @@ impl<'g> Chooser<'g> {
             return;
         };
         let earliest = (path.len() - 1).saturating_sub(standing.delay(seed as usize));
-        let mut crossing: Vec<(usize, u32)> = self.visits[goal as usize]
+        let mut crossing: Vec<(usize, u32)> = self
+            .visits(goal)
             .iter()
             .filter(|&&agent| agent != seed)
             .filter_map(|&agent| {
@@ -294,10 +309,7 @@ impl<'g> Chooser<'g> {
             let path = &paths[agent as usize];
             path.get(t).or(path.last()) == Some(&v)
         };
-        let found = self.visits[v as usize]
-            .iter()
-            .copied()
-            .find(|&agent| stands(agent));
+        let found = self.visits(v).iter().copied().find(|&agent| stands(agent));
         if let Some(agent) = found {
             self.take(agent);
         }

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::distance::{MAX_DISTANCE, Table, Tables};
+use crate::distance::{MAX_DISTANCE, NoTable, Table, Tables};
 use crate::graph::{DIRECTIONS, Graph, Vertex, direction};
 use crate::lanes::Lanes;
 use crate::plan::plan_of;
@@ -275,13 +275,12 @@ impl Ground {
                 };
                 let key = (goal, turning, lanes.is_some());
                 let bytes = Table::bytes(&graph, turning);
-                let table = if let Some(table) = self.tables.kept(key) {
-                    table
-                } else {
-                    let made = Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
-                    let made = made.ok_or(ProblemError::Stopped)?;
-                    self.tables.get(key, bytes, || made).ok_or(memory)?
-                };
+                let make = || Table::within(&graph, goal, turning, lanes.as_deref(), &mut *stop);
+                let table = self.tables.try_get(key, bytes, make);
+                let table = table.map_err(|reason| match reason {
+                    NoTable::Full => memory,
+                    NoTable::Stopped => ProblemError::Stopped,
+                })?;
                 route.goals.push(goal);
                 route.tables.push(table);
                 if stop() {
