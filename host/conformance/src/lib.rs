@@ -8,7 +8,7 @@
 //!
 //! The kit asks nothing that the contract keeps the host from asking, and it is
 //! no benchmark: an answer may be slow or expensive, and a planner may give up.
-//! What is odd but allowed is a warning; what is as it may be, such as giving up, is a note.
+//! An answer that is odd but allowed is a warning, one that is as it may be, such as giving up, a note.
 //!
 //! Time matters to those cases alone that are about time. A planner that claims
 //! `anytime` takes all the time that it is given, and so it is given a tenth.

@@ -380,6 +380,12 @@ mod tests {
     const INSTANCE: &str = "map:\n  dimensions: [3, 2]\n  obstacles:\n    - [0, 1]\nagents:\n  \
                             - name: agent0\n    start: [0, 0]\n    goal: [2, 1]\n";
 
+    /// Start and goal of each agent.
+    fn ways(list: &AgentList) -> Vec<((u32, u32), (u32, u32))> {
+        let agents = list.agents.iter();
+        agents.map(|agent| (agent.start, agent.goal)).collect()
+    }
+
     #[test]
     fn an_instance_is_read() {
         for text in [
@@ -396,12 +402,7 @@ mod tests {
             assert_eq!(grid.name(), "b");
             assert_eq!((grid.rows(), grid.cols()), (2, 3));
             assert_eq!(grid.terrain(), b"...@..");
-            let agents: Vec<_> = list
-                .agents
-                .iter()
-                .map(|agent| (agent.start, agent.goal))
-                .collect();
-            assert_eq!(agents, [((0, 0), (1, 2))], "{text}");
+            assert_eq!(ways(&list), [((0, 0), (1, 2))], "{text}");
         }
     }
 
@@ -552,12 +553,7 @@ mod tests {
                     \x20   - 2\n    obstacles:\n    - !!python/tuple [0, 1]\n";
         let (grid, list) = read_libmrp("a.yaml", text.as_bytes()).expect("an instance");
         assert_eq!(grid.terrain(), b"...@..");
-        let agents: Vec<_> = list
-            .agents
-            .iter()
-            .map(|agent| (agent.start, agent.goal))
-            .collect();
-        assert_eq!(agents, [((0, 0), (1, 2)), ((1, 2), (0, 0))]);
+        assert_eq!(ways(&list), [((0, 0), (1, 2)), ((1, 2), (0, 0))]);
         let text = text.replace("python/tuple [0, 1]", "python/object:a.B [0, 1]");
         let error = read_libmrp("a.yaml", text.as_bytes()).expect_err("an object");
         assert!(error.reason.contains("python/object:a.B"), "{error}");
