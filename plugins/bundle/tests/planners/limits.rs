@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Annotations, Catalog, Failure, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, Environment, Footprint, GridEnvironment, Instance, Kind,
-    LogLevel, Motion, PlanRef, Request, RoadmapEnvironment, Robot, SharedEnvironment, State,
-    Status, WorkspaceEnvironment,
+    Budget, Capability, Descriptor, Environment, GridEnvironment, Instance, Kind, LogLevel, Motion,
+    PlanRef, Request, SharedEnvironment, Status,
 };
+
+use crate::questions::{Question, hall, planners, streets};
 
 /// Processor time that a planner may take from being told until it returns, in a build that is hardly
 /// optimised.
@@ -65,9 +66,6 @@ impl Sink for Clock {
         None
     }
 }
-
-/// A map and what is asked on it.
-type Question = (SharedEnvironment, Instance);
 
 /// Numbers that look drawn.
 fn numbers(mut seed: u64) -> impl FnMut(usize) -> usize {
@@ -133,124 +131,32 @@ fn on_grid(motion: Motion, alone: bool) -> [Question; 2] {
 
 /// The same on roadmaps: a line, and a square of streets.
 fn on_roadmap() -> [Question; 2] {
-    let question = |cols: u32, rows: u32, starts: Vec<u32>, goals: Vec<u32>| {
-        let at = |v: u32| [f64::from(v % cols), f64::from(v / cols)];
-        let targets = |v: u32| {
-            let (col, row) = (v % cols, v / cols);
-            let mut near = Vec::new();
-            near.extend((row > 0).then(|| v - cols));
-            near.extend((col > 0).then(|| v - 1));
-            near.extend((col + 1 < cols).then(|| v + 1));
-            near.extend((row + 1 < rows).then(|| v + cols));
-            near
-        };
-        let vertices = 0..cols * rows;
-        let map = RoadmapEnvironment::straight(
-            vertices.clone().map(|v| at(v)[0]).collect(),
-            vertices.clone().map(|v| at(v)[1]).collect(),
-            vertices.map(targets).collect(),
-            1.0,
-            0.6,
-        );
-        let mut instance = Instance::one_shot(starts, goals);
-        instance.motion = Motion::StopGo;
-        instance.radius_m = 0.3;
-        (SharedEnvironment::new(Environment::from(map)), instance)
-    };
     let all: Vec<u32> = (0..400).collect();
     let (starts, goals) = (drawn(all.clone(), 60, 3), drawn(all, 60, 4));
     [
-        question(10, 1, vec![0, 1, 8, 9], vec![9, 8, 1, 0]),
-        question(20, 20, starts, goals),
+        streets(10, 1, vec![0, 1, 8, 9], vec![9, 8, 1, 0]),
+        streets(20, 20, starts, goals),
     ]
-}
-
-/// A robot of a model, as a disc.
-fn robot(dynamics: &str) -> Option<(Robot, usize)> {
-    let (state, control, heading): (usize, Vec<f64>, bool) = match dynamics {
-        "fleetyard.single-integrator/1" => (2, vec![1.0, 1.0], false),
-        "fleetyard.double-integrator/1" => (4, vec![1.0, 1.0], false),
-        "fleetyard.unicycle/1" => (3, vec![1.0, 1.0], true),
-        "fleetyard.unicycle-2/1" => (5, vec![1.0, 1.0], true),
-        _ => return None,
-    };
-    let rates = if heading { 3 } else { 2 };
-    let free = [None, None];
-    let robot = Robot {
-        name: "disc".into(),
-        footprint: Footprint::disc(0.3),
-        dynamics: dynamics.into(),
-        has_heading: heading,
-        polar_state: false,
-        polar_control: !heading,
-        state_limits: (0..state)
-            .map(|at| {
-                if at < rates {
-                    free
-                } else {
-                    [Some(-1.0), Some(1.0)]
-                }
-            })
-            .collect(),
-        control_limits: control
-            .iter()
-            .map(|most| [Some(-most), Some(*most)])
-            .collect(),
-        parameters: Vec::new(),
-    };
-    Some((robot, state))
 }
 
 /// The same in the plane: a corridor and a hall with pillars.
 fn in_plane(dynamics: &str, agents: usize) -> Option<[Question; 2]> {
-    let (robot, numbers) = robot(dynamics)?;
-    let state = |[x, y]: [f64; 2]| {
-        let mut state = vec![x, y];
-        state.resize(numbers, 0.0);
-        State(state)
-    };
-    let question = |size: [f64; 2], obstacles: Vec<Vec<[f64; 2]>>, ends: Vec<[[f64; 2]; 2]>| {
-        let map = WorkspaceEnvironment {
-            min_m: [0.0, 0.0],
-            max_m: size,
-            obstacles: obstacles.into_iter().collect(),
-            movers: Vec::new(),
-        };
-        let goals = ends.iter().map(|[_, goal]| vec![state(*goal)]);
-        let instance = Instance {
-            start_states: ends.iter().map(|[start, _]| state(*start)).collect(),
-            goal_states: goals.collect(),
-            robots: vec![robot.clone()],
-            robot_of: Vec::new(),
-            motion: Motion::Dynamics,
-            radius_m: 0.3,
-            goal_tolerance_m: 0.05,
-            goal_tolerance_rad: 0.2,
-            goal_tolerance_rate: 0.05,
-            dynamics_tolerance: 0.01,
-            ..Instance::one_shot(Vec::new(), Vec::new())
-        };
-        (SharedEnvironment::new(Environment::from(map)), instance)
-    };
-    let square = |x: f64, y: f64| vec![[x, y], [x + 0.6, y], [x + 0.6, y + 0.6], [x, y + 0.6]];
-    let pillars = (0..144).map(|at| {
-        square(
-            1.7 + f64::from(at % 12) * 2.0,
-            1.7 + f64::from(at / 12) * 2.0,
-        )
-    });
+    let pillars: Vec<[f64; 2]> = (0..144_u32)
+        .map(|at| [at % 12, at / 12].map(|at| 1.7 + 2.0 * f64::from(at)))
+        .collect();
     let lane = |at: usize| 1.0 + 2.0 * at as f64;
-    let across = (0..agents).map(|at| [[1.0, lane(at)], [25.0, lane(agents - 1 - at)]]);
-    let huge = question([26.0, 26.0], pillars.collect(), across.collect());
+    let across: Vec<_> = (0..agents)
+        .map(|at| [[1.0, lane(at)], [25.0, lane(agents - 1 - at)]])
+        .collect();
+    let huge = hall(dynamics, [26.0, 26.0], &pillars, &across)?;
     let stuck = if agents > 1 {
-        question(
-            [8.0, 0.8],
-            Vec::new(),
-            vec![[[1.0, 0.4], [7.0, 0.4]], [[7.0, 0.4], [1.0, 0.4]]],
-        )
+        let ends = [[[1.0, 0.4], [7.0, 0.4]], [[7.0, 0.4], [1.0, 0.4]]];
+        hall(dynamics, [8.0, 0.8], &[], &ends)?
     } else {
-        let wall = vec![[4.0, 0.0], [4.2, 0.0], [4.2, 8.0], [4.0, 8.0]];
-        question([8.0, 8.0], vec![wall], vec![[[1.0, 4.0], [7.0, 4.0]]])
+        let wall: Vec<_> = (0..14)
+            .map(|at| [3.7, -0.1 + 0.6 * f64::from(at)])
+            .collect();
+        hall(dynamics, [8.0, 8.0], &wall, &[[[1.0, 4.0], [7.0, 4.0]]])?
     };
     Some([stuck, huge])
 }
@@ -327,12 +233,6 @@ fn ask(
     result
 }
 
-fn standard() -> Vec<Descriptor> {
-    let mut all = fleetyard_plugins::catalog().descriptors();
-    all.retain(|descriptor| descriptor.kind == Kind::Planner && descriptor.id != "empty");
-    all
-}
-
 /// Asks a planner both questions for a short and a longer time; false if it takes none of those that
 /// there are.
 fn holds(descriptor: &Descriptor) -> bool {
@@ -357,7 +257,7 @@ fn holds(descriptor: &Descriptor) -> bool {
 
 #[test]
 fn every_planner_ends_when_it_is_told() {
-    let all = standard();
+    let all = planners();
     assert!(all.len() > 40, "{} planners", all.len());
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -376,7 +276,7 @@ fn every_planner_ends_when_it_is_told() {
 #[test]
 fn a_limit_of_nodes_is_not_said_to_be_the_clock() {
     let mut ended = Vec::new();
-    for descriptor in standard() {
+    for descriptor in planners() {
         let id = &descriptor.id;
         for questions in questions(&descriptor) {
             let Err(failure) = ask((id, &mut made(id)), &questions[1], 10_000_000_000, 2) else {
