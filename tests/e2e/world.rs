@@ -219,6 +219,10 @@ fn maps_have_allowed_moves() {
         yard.line(&format!("{asked} --planner {planner}"))
     };
     for planner in [
+        "lacam",
+        "pibt",
+        "epibt",
+        "wppl",
         "pp",
         "pbs",
         "cbs",
@@ -234,7 +238,7 @@ fn maps_have_allowed_moves() {
     let refused = run("jump-point-search").expect(NO_PLAN).stderr;
     assert!(
         refused.contains("does not support `move-mask`")
-            && refused.contains("planners that do: pp, pbs, "),
+            && refused.contains("planners that do: lacam, pibt, "),
         "{refused}"
     );
 }

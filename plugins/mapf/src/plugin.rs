@@ -101,6 +101,7 @@ impl Method for LacamOptions {
         Capability::Pebble,
         Capability::Anytime,
         Capability::Threads,
+        Capability::MoveMask,
         Capability::Windowed,
         Capability::DuplicateGoals,
     ];
@@ -164,6 +165,7 @@ impl Method for PibtOptions {
          window, several or shared goals it plans for fleets that work without end.";
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
+        Capability::MoveMask,
         Capability::Windowed,
         Capability::DuplicateGoals,
     ];
@@ -231,6 +233,7 @@ impl Method for EpibtOptions {
         Capability::Pebble,
         Capability::Rotation,
         Capability::Threads,
+        Capability::MoveMask,
         Capability::Windowed,
         Capability::DuplicateGoals,
         Capability::Idle,

@@ -252,11 +252,12 @@ enum Learnt {
 
 impl Survey {
     /// Moves against a lane are charged so many steps of so many seconds; 0 for no lanes. Tables may
-    /// take so many bytes. There are no [signals](Survey::with_signals). Nothing is learnt yet.
+    /// take so many bytes. There are no [signals](Survey::with_signals). Where streets are one-way already,
+    /// there are neither lanes nor doors nor signals. Nothing is learnt yet.
     pub fn new(graph: &Arc<Graph>, charge: u32, step_s: f64, bytes: u64) -> Self {
         Self {
             graph: Arc::clone(graph),
-            charge,
+            charge: if graph.is_directed() { 0 } else { charge },
             step_s,
             bytes,
             signals: false,
@@ -268,7 +269,7 @@ impl Survey {
     /// that ask [`Ranking::rank`]. Moves that join the approach of one are charged.
     #[must_use]
     pub fn with_signals(mut self) -> Self {
-        self.signals = true;
+        self.signals = !self.graph.is_directed();
         self
     }
 

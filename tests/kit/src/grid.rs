@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use fleetyard_abi::SharedEnvironment;
-use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion};
+use fleetyard_abi::{Environment, Goals, GridEnvironment, Heading, Instance, Motion, c};
 
 const NOBODY: usize = usize::MAX;
 
@@ -24,7 +24,7 @@ pub fn free(map: &GridEnvironment) -> Vec<u32> {
         .collect()
 }
 
-/// The passable cells beside one: north, east, south, west.
+/// The passable cells beside one to which a move may lead: north, east, south, west.
 pub fn near(map: &GridEnvironment, cell: u32) -> impl Iterator<Item = u32> + '_ {
     let (rows, cols) = (map.rows, map.cols);
     let around = [
@@ -33,8 +33,32 @@ pub fn near(map: &GridEnvironment, cell: u32) -> impl Iterator<Item = u32> + '_ 
         (cell / cols + 1 < rows).then(|| cell + cols),
         (!cell.is_multiple_of(cols)).then(|| cell - 1),
     ];
-    let free = |cell: &u32| map.passable[*cell as usize] != 0;
-    around.into_iter().flatten().filter(free)
+    let may = move |d: usize| map.moves[cell as usize] >> d & 1 == 1;
+    let around = around.into_iter().enumerate();
+    let around = around.filter_map(move |(d, beside)| beside.filter(|_| may(d)));
+    around.filter(|beside| map.passable[*beside as usize] != 0)
+}
+
+/// Streets of one cell's width that lead one way each: rows east and west in turn, columns north and
+/// south, and those at the edge round the map, so that every cell can be reached from every other one.
+/// `side` is even.
+pub fn one_way(side: u32) -> GridEnvironment {
+    let mut map = GridEnvironment::four_connected(side, side, vec![1; (side * side) as usize]);
+    for (cell, moves) in (0..).zip(&mut map.moves) {
+        let (row, col) = (cell / side, cell % side);
+        let row = if row % 2 == 0 {
+            c::MOVE_EAST
+        } else {
+            c::MOVE_WEST
+        };
+        let col = if col % 2 == 0 {
+            c::MOVE_NORTH
+        } else {
+            c::MOVE_SOUTH
+        };
+        *moves &= row | col;
+    }
+    map
 }
 
 /// The passable cells that can be reached from one, in order.

@@ -90,10 +90,7 @@ fn disc(dynamics: &str) -> Option<(Robot, usize)> {
         _ => return None,
     };
     let pose = if heading { 3 } else { 2 };
-    let limits = |at: usize| match at < pose {
-        true => [None, None],
-        false => [Some(-1.0), Some(1.0)],
-    };
+    let limits = |at: usize| (at >= pose).then_some(1.0);
     let robot = Robot {
         name: "disc".into(),
         footprint: Footprint::disc(0.3),
@@ -101,7 +98,9 @@ fn disc(dynamics: &str) -> Option<(Robot, usize)> {
         has_heading: heading,
         polar_state: false,
         polar_control: !heading,
-        state_limits: (0..numbers).map(limits).collect(),
+        state_limits: (0..numbers)
+            .map(|at| [limits(at).map(|most| -most), limits(at)])
+            .collect(),
         control_limits: vec![[Some(-1.0), Some(1.0)]; 2],
         parameters: Vec::new(),
     };

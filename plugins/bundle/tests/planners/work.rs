@@ -16,15 +16,15 @@ use allocation_counter::measure;
 use fleetyard_abi::object::Object;
 use fleetyard_abi::sdk::{Annotations, Catalog, Options, Rejected, Sink};
 use fleetyard_abi::{
-    Budget, Descriptor, GridEnvironment, GridPlan, Instance, Kind, LogLevel, Motion, PlanRef,
-    Request, SharedEnvironment, Status,
+    Budget, Capabilities, Descriptor, GridEnvironment, GridPlan, Instance, Kind, LogLevel, Motion,
+    PlanRef, Request, SharedEnvironment, Status,
 };
 use fleetyard_testkit::{Case, grid, root};
 
 use crate::questions::{hall, planners, streets};
 
 /// Whoever is not ended by nodes is told to stop after so long, which is a failure of this test.
-const LONGEST: Duration = Duration::from_secs(120);
+const LONGEST: Duration = Duration::from_mins(2);
 /// Planners whose nodes are expansions, and expansions for a node of others.
 const EXPANDING: [&str; 2] = ["pp", "pbs"];
 const EXPANSIONS: u64 = 1000;
@@ -109,6 +109,8 @@ struct Question {
     name: &'static str,
     map: SharedEnvironment,
     instance: Instance,
+    /// The same of questions on grids, to judge plans of.
+    case: Option<Case>,
     nodes: u64,
     /// One after the other, each from where the last plan has led.
     calls: usize,
@@ -120,6 +122,7 @@ impl Question {
             name,
             map: case.environment(),
             instance: case.instance.clone(),
+            case: Some(case.clone()),
             nodes,
             calls: 1,
         }
@@ -170,6 +173,7 @@ fn questions() -> Vec<Question> {
         name,
         map,
         instance,
+        case: None,
         nodes,
         calls: 1,
     };
@@ -181,6 +185,10 @@ fn questions() -> Vec<Question> {
             .map(|at| [[0.8, lane(at)], [7.2, lane(count - 1 - at)]])
             .collect();
         hall("fleetyard.single-integrator/1", [8.0, 8.0], &pillars, &ends).unwrap()
+    };
+    let crossing_streets = Case {
+        instance: Instance::one_shot((0..8).collect(), (0..8).map(|at| 143 - 12 * at).collect()),
+        map: grid::one_way(12),
     };
     let mut straight = Case::square(64, 1, 3, 1 << 50);
     straight.instance.motion = Motion::AnyAngle;
@@ -226,6 +234,12 @@ fn questions() -> Vec<Question> {
             "fleet of 100 in windows",
             &fleet(warehouse(22, 42), 100, 8),
             3,
+        ),
+        Question::of("one-way 12 × 12 with 8 agents", &crossing_streets, 100),
+        windowed(
+            "fleet of 30 on one-way streets",
+            &fleet(grid::one_way(12), 30, 8),
+            10,
         ),
         windowed(
             "fleet of 2500 in windows",
@@ -320,6 +334,10 @@ fn work(id: &str, question: &Question) -> Option<Work> {
             break;
         }
         if let Some(plan) = told.plan {
+            if let Some(case) = &question.case {
+                judge(case, &instance, &plan)
+                    .unwrap_or_else(|reason| panic!("{id} on {}: {reason}", question.name));
+            }
             instance.starts = plan.paths().map(|path| path[path.len() - 1]).collect();
         }
     }
@@ -338,12 +356,25 @@ fn work(id: &str, question: &Question) -> Option<Work> {
     ]))
 }
 
-/// True if a planner has what a question needs. Maps that it does not take it refuses itself.
+/// The reason why a plan on a grid is none.
+fn judge(case: &Case, instance: &Instance, plan: &GridPlan) -> Result<(), String> {
+    let case = Case {
+        map: case.map.clone(),
+        instance: instance.clone(),
+    };
+    let paths: Vec<&[u32]> = plan.paths().collect();
+    match instance.motion {
+        Motion::AnyAngle => case.arrivals(&paths),
+        _ => case.judge(&paths, 0),
+    }
+}
+
+/// True if a planner has what a question needs. What else it does not take it refuses itself.
 fn takes(planner: &Descriptor, question: &Question) -> bool {
-    let mut needs = question.instance.needs().iter();
+    let needs = [question.map.needs(), question.instance.needs()];
     let features = question.instance.needs_features();
-    needs.all(|need| planner.capabilities.has(need))
-        && features.iter().all(|need| planner.features.contains(need))
+    let has = |needs: &Capabilities| needs.iter().all(|need| planner.capabilities.has(need));
+    needs.iter().all(has) && features.iter().all(|need| planner.features.contains(need))
 }
 
 /// What is other than before.

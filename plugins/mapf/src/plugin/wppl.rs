@@ -54,6 +54,7 @@ impl Method for WpplOptions {
     const CAPABILITIES: &'static [Capability] = &[
         Capability::Pebble,
         Capability::Rotation,
+        Capability::MoveMask,
         Capability::Windowed,
         Capability::DuplicateGoals,
         Capability::Idle,

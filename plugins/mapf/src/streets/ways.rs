@@ -106,7 +106,7 @@ impl Moves {
     /// The moves that lead to `v`, by their directions.
     fn leading_to(&self, graph: &Graph, v: Vertex) -> impl Iterator<Item = (usize, Move)> {
         (0..DIRECTIONS).filter_map(move |d| {
-            let behind = graph.around(v)[(d + 2) % DIRECTIONS];
+            let behind = graph.sources(v)[(d + 2) % DIRECTIONS];
             self.away(behind, d).map(|found| (d, found))
         })
     }
