@@ -404,10 +404,13 @@ impl Document {
         }
     }
 
-    /// Digest of its canonical JSON, for documents that make no problem to plan for.
+    /// Digest of its canonical JSON, for documents that make no problem to plan for. The parameters of
+    /// views are no part of it, as of no problem: files do not have them.
     pub(crate) fn json_digest(&self) -> Digest {
+        let mut document = self.clone();
+        document.views = Views::default();
         let mut hasher = Hasher::new("fleetyard.studio-document/1");
-        hasher.value(self);
+        hasher.value(&document);
         hasher.finish()
     }
 }

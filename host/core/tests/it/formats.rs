@@ -328,7 +328,9 @@ fn public_benchmark_files() {
         return;
     };
     let data = PathBuf::from(data);
-    for path in files(&data, "map") {
+    // Files after bug reports are not as their formats say.
+    let is_public = |path: &PathBuf| !path.starts_with(data.join("cases"));
+    for path in files(&data, "map").into_iter().filter(is_public) {
         let grid = load_map(&path).unwrap();
         assert_eq!(
             write_map(&grid),
@@ -342,7 +344,7 @@ fn public_benchmark_files() {
         }
     }
     let mut lengths = 0;
-    for path in files(&data, "scen") {
+    for path in files(&data, "scen").into_iter().filter(is_public) {
         let scenario = load_scen(&path).unwrap();
         assert_eq!(
             write_scen(&scenario),

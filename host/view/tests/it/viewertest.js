@@ -99,7 +99,7 @@ const pixels = () => {
   const whole = stage.picture();
   return whole.getContext('2d').getImageData(0, 0, whole.width, whole.height).data;
 };
-/** Shares of pixels that are drawn on, and that differ by more than can be seen. */
+/** Shares of pixels that are drawn on, and that differ by more than can be seen; browsers smooth edges in ways of their own. */
 const compare = (fleet, bounds) => {
   const shown = ['webgl2', '2d'].map((renderer) => {
     const bodies = new Bodies(stage, fleet, { palette, renderer });
@@ -120,7 +120,7 @@ const compare = (fleet, bounds) => {
   const n = a.length / 4;
   return { by: shown.map(({ by }) => by).join(), drawn: drawn / n, other: other / n, mean: sum / n };
 };
-const same = ({ by, drawn, other, mean }) => by === 'webgl2,2d' && drawn > 0.02 && other < 0.004 * Math.max(drawn / 0.1, 1) && mean < 15 * drawn;
+const same = ({ by, drawn, other, mean }) => by === 'webgl2,2d' && drawn > 0.02 && other < 0.004 * Math.max(drawn / 0.1, 1) && mean < 18 * drawn;
 for (const [name, fleet, bounds] of [
   ['large', crowd(40, 1.5, 45), [0, 0, 10, 8]],
   ['middling', crowd(500, 1.2), [0, 0, 30, 28]],
