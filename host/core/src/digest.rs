@@ -4,6 +4,7 @@
 //! not a defence against someone who wants a collision.
 
 use std::fmt;
+use std::io::{self, Read};
 
 use fleetyard_abi::GridPlan;
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,9 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
+/// Bytes that are read at a time.
+const PART: usize = 1 << 17;
+
 /// Feeds values into a [`Digest`] in a fixed, length-prefixed encoding.
 #[derive(Default)]
 pub struct Hasher(Xxh3);
@@ -75,6 +79,34 @@ impl Hasher {
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.u64(bytes.len() as u64);
         self.0.update(bytes);
+    }
+
+    /// The same of a byte string of a known length that is read, part by part: it may be large.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, or has another length.
+    pub fn bytes_of(&mut self, mut source: impl Read, length: u64) -> io::Result<()> {
+        self.u64(length);
+        let mut part = vec![0; PART];
+        let mut left = length;
+        loop {
+            let count = match source.read(&mut part) {
+                Ok(count) => count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error),
+            };
+            let known = left.checked_sub(count as u64);
+            left = known
+                .filter(|left| count > 0 || *left == 0)
+                .ok_or_else(|| {
+                    io::Error::new(io::ErrorKind::InvalidData, "it changes while it is read")
+                })?;
+            if count == 0 {
+                return Ok(());
+            }
+            self.0.update(&part[..count]);
+        }
     }
 
     /// One unsigned integer.
@@ -115,5 +147,28 @@ impl Hasher {
     /// The digest of everything fed so far.
     pub fn finish(&self) -> Digest {
         Digest(self.0.digest128())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_that_are_read_count_as_they_do_at_once() {
+        for length in [0, 1, PART - 1, PART, 3 * PART + 7] {
+            let bytes: Vec<u8> = (0..length).map(|at| (at % 251) as u8).collect();
+            let mut whole = Hasher::new("a file");
+            whole.bytes(&bytes);
+            let mut parts = Hasher::new("a file");
+            // A reader that gives less than it is asked for.
+            let (first, rest) = bytes.split_at(length / 3);
+            parts.bytes_of(first.chain(rest), length as u64).unwrap();
+            assert_eq!(parts.finish(), whole.finish(), "{length}");
+            for other in [length.wrapping_sub(1), length + 1] {
+                let known = Hasher::new("a file").bytes_of(&bytes[..], other as u64);
+                assert!(known.is_err(), "{other} in place of {length}");
+            }
+        }
     }
 }

@@ -138,11 +138,10 @@ impl PluginFile {
     fn read_digest(&self, failed: impl Fn(&Path, String) -> Fault) -> Result<Digest, Fault> {
         let mut hasher = Hasher::new("fleetyard plugin");
         for path in self.code_paths()? {
-            let mut bytes = Vec::new();
-            let mut file = open_regular(&path).map_err(|error| failed(&path, error.reason))?;
-            file.read_to_end(&mut bytes)
+            let file = open_regular(&path).map_err(|error| failed(&path, error.reason))?;
+            file.metadata()
+                .and_then(|meta| hasher.bytes_of(&file, meta.len()))
                 .map_err(|error| failed(&path, error.to_string()))?;
-            hasher.bytes(&bytes);
         }
         Ok(hasher.finish())
     }

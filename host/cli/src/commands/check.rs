@@ -38,6 +38,9 @@ pub(crate) struct Check {
     /// Run this case alone; may be given several times
     #[arg(long, value_name = "CASE")]
     only: Vec<String>,
+    /// Leave this case out; may be given several times
+    #[arg(long, value_name = "CASE", conflicts_with = "only")]
+    skip: Vec<String>,
     /// Check plugins of this kind alone
     #[arg(long, value_parser = word::<Kind>())]
     kind: Option<Kind>,
@@ -217,7 +220,7 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
 
 /// The cases that are asked for, in the order of the table.
 fn selected(arguments: &Check) -> Result<Vec<&'static Case>> {
-    for name in &arguments.only {
+    for name in arguments.only.iter().chain(&arguments.skip) {
         find(name).map_err(|unknown| {
             let failure = Failure::new(Exit::Usage, format!("there is no case `{name}`"));
             failure.hint(match unknown.nearest {
@@ -226,8 +229,9 @@ fn selected(arguments: &Check) -> Result<Vec<&'static Case>> {
             })
         })?;
     }
+    let named = |names: &[String], case: &Case| names.iter().any(|name| name == case.name);
     let wanted = |case: &&Case| {
-        arguments.only.is_empty() || arguments.only.iter().any(|name| name == case.name)
+        (arguments.only.is_empty() || named(&arguments.only, case)) && !named(&arguments.skip, case)
     };
     let cases: Vec<&Case> = CASES.iter().filter(wanted).collect();
     if arguments.reproduce.is_some() && cases.len() != 1 {

@@ -1,4 +1,4 @@
-//! What planners of all kinds are asked.
+//! Questions to planners of all kinds.
 
 use fleetyard_abi::sdk::Catalog;
 use fleetyard_abi::{

@@ -30,7 +30,7 @@ const EXPANSIONS: u64 = 1000;
 /// Part by which blocks and bytes may be others.
 const TENTH: f64 = 0.1;
 
-/// What a planner told of a call.
+/// Figures and plans of a call.
 #[derive(Default)]
 struct Told {
     figures: BTreeMap<String, f64>,
@@ -55,7 +55,7 @@ impl Listener {
         }
     }
 
-    /// What the host keeps is no memory of the planner.
+    /// Notes of the host are no memory of the planner.
     fn keep(&self, keep: impl FnOnce(&mut Told)) {
         allocation_counter::opt_out(|| keep(&mut self.told.lock().unwrap()));
     }
@@ -103,7 +103,7 @@ impl Sink for Listener {
     }
 }
 
-/// What all planners that take it are asked.
+/// A map and an instance for all planners that take them.
 struct Question {
     name: &'static str,
     map: SharedEnvironment,
@@ -255,7 +255,7 @@ fn questions() -> Vec<Question> {
     ]
 }
 
-/// What is compared exactly, and what within a tenth.
+/// Columns that are compared exactly, and within a tenth.
 const EXACT: [&str; 6] = [
     "ended",
     "plans",
@@ -266,7 +266,7 @@ const EXACT: [&str; 6] = [
 ];
 const NEAR: [&str; 4] = ["prepare_blocks", "plan_blocks", "asked_bytes", "peak_bytes"];
 
-/// What one planner did for one question, by the names above, as they are written down.
+/// The work of one planner on one question, by the columns above, as it is written down.
 type Work = BTreeMap<&'static str, String>;
 /// The same of all, by planner and question.
 type Works = BTreeMap<(String, String), Work>;
@@ -374,7 +374,7 @@ fn takes(planner: &Descriptor, question: &Question) -> bool {
     needs.iter().all(has) && features.iter().all(|need| planner.features.contains(need))
 }
 
-/// What is other than before.
+/// Columns that are others than before.
 fn changes(before: &Work, now: &Work) -> Vec<String> {
     let is_near = |before: &str, now: &str| {
         let [before, now] = [before, now].map(|count| count.parse::<f64>().expect("a number"));
