@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 use fleetyard_testkit::{
     Built, Ended, PLUGIN, SUCCESS, USAGE, Yard, build, c_library, faulty_library, faulty_program,
-    have, root, standard_plugins, words,
+    have, library, root, standard_plugins, words,
 };
 use serde_json::{Value, json};
 
@@ -469,7 +469,7 @@ const PROMISES: &[Promise] = &[
 fn promising() -> &'static str {
     static LIBRARY: OnceLock<String> = OnceLock::new();
     LIBRARY.get_or_init(|| {
-        let library = build("fleetyard-faulty-promises").library.unwrap();
+        let library = library("fleetyard-faulty-promises");
         library.display().to_string()
     })
 }

@@ -9,8 +9,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use fleetyard_testkit::{
-    Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, USAGE, Yard, build, c_library,
-    faulty_library, faulty_program, have, instance, words,
+    Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, SUCCESS, USAGE, Yard, c_library, faulty_library,
+    faulty_program, have, instance, library, words,
 };
 use serde_json::Value;
 
@@ -249,7 +249,7 @@ fn libraries(tests: &mut Tests) {
             });
         }
         tests.add(&format!("libraries::another layout::{attach}"), move || {
-            let library = build("fleetyard-faulty-changed-layout").library.unwrap();
+            let library = library("fleetyard-faulty-changed-layout");
             refused(
                 &library,
                 &["another layout of the contract", "hint: rebuild it"],

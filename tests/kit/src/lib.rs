@@ -28,6 +28,6 @@ pub use notes::Notes;
 pub use places::{fleetyard, instance, map, root};
 pub use programs::{
     Built, build, c_library, faulty_cpp_library, faulty_library, faulty_program,
-    faulty_rust_library, prepare_package, standard_plugins, turn_of_packages,
+    faulty_rust_library, library, prepare_package, standard_plugins, turn_of_packages,
 };
 pub use table::each;

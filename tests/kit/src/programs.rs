@@ -82,7 +82,7 @@ pub fn faulty_cpp_library() -> Option<PathBuf> {
 
 /// A planner in Rust that misbehaves on request, as a shared library.
 pub fn faulty_rust_library() -> PathBuf {
-    build("fleetyard-faulty").library.unwrap()
+    library("fleetyard-faulty")
 }
 
 /// The same as a program.
@@ -131,6 +131,14 @@ pub fn standard_plugins() -> Built {
         },
         _ => build("fleetyard-plugins"),
     }
+}
+
+/// The shared library of a package that the tests of the command depend on: it lies beside them.
+pub fn library(package: &str) -> PathBuf {
+    let name = format!("lib{}.so", package.replace('-', "_"));
+    let library = std::env::current_exe().unwrap().with_file_name(name);
+    assert!(library.is_file(), "no {}", library.display());
+    library
 }
 
 /// Builds a package of the workspace beside the command under test, with the same
