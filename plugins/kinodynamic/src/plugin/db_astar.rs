@@ -86,8 +86,10 @@ impl Method for Options {
         if team.is_empty() {
             return Ok(team.submit(call, &[])?);
         }
-        let field = field(team);
         let mut stop = || call.stop();
+        let Some(field) = field(team, &mut stop) else {
+            return Err(call.unfinished(NODE_LIMIT, "a plan was found"));
+        };
         let given = call.node_limit().unwrap_or(u64::MAX);
         let mut limits = Limits {
             nodes: given,

@@ -95,8 +95,10 @@ impl Method for Options {
     }
 
     fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
-        let field = field(team);
         let mut stop = || call.stop();
+        let Some(field) = field(team, &mut stop) else {
+            return Err(call.unfinished(NODE_LIMIT, "a plan was found"));
+        };
         let given = call.node_limit().unwrap_or(u64::MAX);
         let mut limits = Limits {
             nodes: given,

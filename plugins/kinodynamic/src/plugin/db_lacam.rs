@@ -86,8 +86,10 @@ impl Method for Options {
     }
 
     fn solve(&self, team: &Team<'_>, call: &Call<'_>) -> Result<(), Failure> {
-        let field = field(team);
         let mut stop = || call.stop();
+        let Some(field) = field(team, &mut stop) else {
+            return Err(call.unfinished(NODE_LIMIT, "a plan was found"));
+        };
         let mut left = call.node_limit().unwrap_or(u64::MAX);
         let given = left;
         let (mut factor, mut failure, mut found) = (1.0, None, false);

@@ -349,8 +349,8 @@ const CELLS: f64 = 6.0;
 /// Expansions between two looks at the clock.
 const LOOK: u64 = 16;
 
-/// The distances of a team's world.
-pub fn field(team: &Team<'_>) -> Rc<Field> {
+/// The distances of a team's world; `None` if there is no time for them.
+pub fn field(team: &Team<'_>, stop: &mut dyn FnMut() -> bool) -> Option<Rc<Field>> {
     let radii = || team.members.iter().map(|member| member.space.body.radius);
     let least = radii().fold(f64::INFINITY, f64::min);
     let most = radii().fold(0.0, f64::max);
@@ -359,7 +359,7 @@ pub fn field(team: &Team<'_>) -> Rc<Field> {
     } else {
         0.0
     };
-    Rc::new(Field::new(team.scene.world, cell, FIELD_RADII * most))
+    Field::new(team.scene.world, cell, FIELD_RADII * most, stop).map(Rc::new)
 }
 
 /// The way of primitives at first, in metres: the robot's size, and in a wide world more.

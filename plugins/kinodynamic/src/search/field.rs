@@ -17,6 +17,9 @@ use fleetyard_plugin_plane::sssp::bodies::{Body, Leg, Pose, Space, wrapped};
 use crate::course::{Knot, between};
 use crate::plugin::Member;
 
+/// Cells between two looks at the clock.
+const UNLOOKED: usize = 1024;
+
 /// Most cells along one side.
 const MOST_CELLS: f64 = 256.0;
 
@@ -56,8 +59,9 @@ pub struct Field {
 }
 
 impl Field {
-    /// Of a world, in cells of about that side, with distances of up to `cap` metres.
-    pub fn new(world: &World, cell: f64, cap: f64) -> Self {
+    /// Of a world, in cells of about that side, with distances of up to `cap` metres; `None` where `stop`, which is
+    /// asked now and then, says so first.
+    pub fn new(world: &World, cell: f64, cap: f64, stop: &mut dyn FnMut() -> bool) -> Option<Self> {
         let extent = world.bounds.max - world.bounds.min;
         let cell = cell.max(extent.max() / MOST_CELLS).max(1e-9);
         let count = |length: f64| (length / cell).ceil().clamp(1.0, MOST_CELLS + 1.0) as usize;
@@ -81,6 +85,9 @@ impl Field {
             bounds: world.bounds,
         };
         for number in 0..columns * rows {
+            if number % UNLOOKED == UNLOOKED - 1 && stop() {
+                return None;
+            }
             let place = field.middle(number);
             let mut nearest = cap * cap;
             bins.meeting(&Rectangle::around(place, place, cap), |edge| {
@@ -93,7 +100,7 @@ impl Field {
                 .clearance
                 .push(if free { distance } else { -distance } as f32);
         }
-        field
+        Some(field)
     }
 
     fn middle(&self, number: usize) -> Vector {
