@@ -4,7 +4,7 @@
 //! not a defence against someone who wants a collision.
 
 use std::fmt;
-use std::io::{self, Read};
+use std::io::{self, BufReader, Read};
 
 use fleetyard_abi::GridPlan;
 use serde::{Deserialize, Serialize};
@@ -86,27 +86,17 @@ impl Hasher {
     /// # Errors
     ///
     /// It cannot be read, or has another length.
-    pub fn bytes_of(&mut self, mut source: impl Read, length: u64) -> io::Result<()> {
+    pub fn bytes_of(&mut self, source: impl Read, length: u64) -> io::Result<()> {
         self.u64(length);
-        let mut part = vec![0; PART];
-        let mut left = length;
-        loop {
-            let count = match source.read(&mut part) {
-                Ok(count) => count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error),
-            };
-            let known = left.checked_sub(count as u64);
-            left = known
-                .filter(|left| count > 0 || *left == 0)
-                .ok_or_else(|| {
-                    io::Error::new(io::ErrorKind::InvalidData, "it changes while it is read")
-                })?;
-            if count == 0 {
-                return Ok(());
-            }
-            self.0.update(&part[..count]);
+        let source = source.take(length.saturating_add(1));
+        let read = io::copy(&mut BufReader::with_capacity(PART, source), &mut self.0)?;
+        if read == length {
+            return Ok(());
         }
+        Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "it changes while it is read",
+        ))
     }
 
     /// One unsigned integer.

@@ -39,6 +39,18 @@ pub fn near(map: &GridEnvironment, cell: u32) -> impl Iterator<Item = u32> + '_ 
     around.filter(|beside| map.passable[*beside as usize] != 0)
 }
 
+/// Shelves of ten by two cells with aisles of one cell between them.
+pub fn warehouse(rows: u32, cols: u32) -> GridEnvironment {
+    let free = |row: u32, col: u32| {
+        row.is_multiple_of(3)
+            || col.is_multiple_of(11)
+            || !(4..cols - 4).contains(&col)
+            || row >= rows - 1
+    };
+    let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| u8::from(free(row, col))));
+    GridEnvironment::four_connected(rows, cols, cells.collect())
+}
+
 /// Streets of one cell's width that lead one way each: rows east and west in turn, columns north and
 /// south, and those at the edge round the map, so that every cell can be reached from every other one.
 /// `side` is even.

@@ -120,8 +120,7 @@ pub struct Built {
 /// does their program where the whole workspace was built. Cargo would build all planners once more,
 /// with the features that they have without the rest of the workspace.
 pub fn standard_plugins() -> Built {
-    let tests = std::env::current_exe().unwrap();
-    let library = tests.with_file_name("libfleetyard_plugins.so");
+    let library = beside("fleetyard-plugins");
     let program = built().join("fleetyard-plugins");
     let made = |path: &Path| fs::metadata(path).and_then(|file| file.modified());
     match (made(&library), made(&program)) {
@@ -135,10 +134,15 @@ pub fn standard_plugins() -> Built {
 
 /// The shared library of a package that the tests of the command depend on: it lies beside them.
 pub fn library(package: &str) -> PathBuf {
-    let name = format!("lib{}.so", package.replace('-', "_"));
-    let library = std::env::current_exe().unwrap().with_file_name(name);
+    let library = beside(package);
     assert!(library.is_file(), "no {}", library.display());
     library
+}
+
+/// The place of a package's shared library beside the tests.
+fn beside(package: &str) -> PathBuf {
+    let name = format!("lib{}.so", package.replace('-', "_"));
+    std::env::current_exe().unwrap().with_file_name(name)
 }
 
 /// Builds a package of the workspace beside the command under test, with the same

@@ -22,7 +22,7 @@ use fleetyard_testkit::{Case, grid, root};
 
 use crate::questions::{hall, planners, streets};
 
-/// Whoever is not ended by nodes is told to stop after so long, which is a failure of this test.
+/// A planner that its nodes do not end is told to stop after so long, and fails this test.
 const LONGEST: Duration = Duration::from_mins(2);
 /// Planners whose nodes are expansions, and expansions for a node of others.
 const EXPANDING: [&str; 2] = ["pp", "pbs"];
@@ -135,18 +135,6 @@ fn scenario(name: &str, agents: usize) -> Case {
     Case::read(&maps.join(format!("{name}.map")), &scenario, agents).unwrap()
 }
 
-/// Shelves of ten by two cells with aisles of one cell between them.
-fn warehouse(rows: u32, cols: u32) -> GridEnvironment {
-    let free = |row: u32, col: u32| {
-        row.is_multiple_of(3)
-            || col.is_multiple_of(11)
-            || !(4..cols - 4).contains(&col)
-            || row >= rows - 1
-    };
-    let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| u8::from(free(row, col))));
-    GridEnvironment::four_connected(rows, cols, cells.collect())
-}
-
 /// A fleet under way: each robot has three goals.
 fn fleet(map: GridEnvironment, robots: usize, window: u32) -> Case {
     let mut cells = grid::free(&map);
@@ -231,7 +219,7 @@ fn questions() -> Vec<Question> {
         ),
         windowed(
             "fleet of 100 in windows",
-            &fleet(warehouse(22, 42), 100, 8),
+            &fleet(grid::warehouse(22, 42), 100, 8),
             3,
         ),
         Question::of("one-way 12 × 12 with 8 agents", &crossing_streets, 100),
@@ -242,7 +230,7 @@ fn questions() -> Vec<Question> {
         ),
         windowed(
             "fleet of 2500 in windows",
-            &fleet(warehouse(91, 170), 2500, 5),
+            &fleet(grid::warehouse(91, 170), 2500, 5),
             2,
         ),
         asked(

@@ -58,7 +58,7 @@ impl<const D: usize> Run<'_, '_, '_, D> {
     /// The way of an agent that has to step aside, or to wait; `None` for all others. `occupant` is the
     /// agent in each vertex.
     pub(super) fn aside(&self, agent: usize, occupant: &[u32]) -> Option<Near> {
-        // Nobody goes back against the arrows.
+        // No agent can go back against the arrows.
         if self.graph.is_directed() {
             return None;
         }

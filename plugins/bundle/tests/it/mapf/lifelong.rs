@@ -18,18 +18,6 @@ fn open(side: u32) -> GridEnvironment {
     GridEnvironment::four_connected(side, side, vec![1; (side * side) as usize])
 }
 
-/// Shelves of ten by two cells with aisles of one cell between them.
-fn warehouse(rows: u32, cols: u32) -> GridEnvironment {
-    let free = |row: u32, col: u32| {
-        row.is_multiple_of(3)
-            || col.is_multiple_of(11)
-            || !(4..cols - 4).contains(&col)
-            || row >= rows - 1
-    };
-    let cells = (0..rows).flat_map(|row| (0..cols).map(move |col| u8::from(free(row, col))));
-    GridEnvironment::four_connected(rows, cols, cells.collect())
-}
-
 fn lifelong(map: &GridEnvironment) -> Lifelong {
     let passable: Vec<bool> = map.passable.iter().map(|free| *free != 0).collect();
     let graph = Graph::new(map.rows as usize, map.cols as usize, &passable);
@@ -360,7 +348,7 @@ fn samples_and_retries_bring_agents_further() {
 
 #[test]
 fn what_went_before_makes_no_difference() {
-    let map = warehouse(16, 30);
+    let map = grid::warehouse(16, 30);
     for charge in [0, 2] {
         let kept = drive(&map, 60, 5, 30, false, charge);
         let fresh = drive(&map, 60, 5, 30, true, charge);
@@ -375,8 +363,8 @@ fn what_went_before_makes_no_difference() {
 fn a_crowded_fleet_goes_on() {
     for (map, agents, least) in [
         (open(12), 100, 1),
-        (warehouse(22, 41), 120, 1),
-        (warehouse(22, 41), 240, 0),
+        (grid::warehouse(22, 41), 120, 1),
+        (grid::warehouse(22, 41), 240, 0),
     ] {
         for (window, charge) in [(1, 0), (2, 0), (10, 0), (1, 2), (2, 3), (10, 2)] {
             let drive = drive(&map, agents, window, 600 / window, false, charge);
@@ -430,7 +418,7 @@ fn a_lane_is_worth_a_way_round() {
 /// The ways to goals on a large map, of so many agents that not all fit.
 #[test]
 fn tables_keep_to_their_share_of_memory() {
-    let map = warehouse(100, 200);
+    let map = grid::warehouse(100, 200);
     let planner = lifelong(&map);
     let free = grid::free(&map);
     let pick = |salt: u64| -> Vec<u32> {
