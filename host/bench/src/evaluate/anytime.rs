@@ -176,7 +176,12 @@ fn equal_time(planner: &Planner<'_>, best: &[f64], ends: &[f64]) -> Option<[f64;
 
 /// 1 − C\*/C; everybody at the goal from the beginning is as good as can be.
 fn gap(cost: f64, best: f64) -> f64 {
-    if cost > 0.0 { 1.0 - best / cost } else { 0.0 }
+    // Of whole costs whose gap is a target it is that number: one less a share would be rounded beyond it.
+    if cost > 0.0 {
+        (cost - best) / cost
+    } else {
+        0.0
+    }
 }
 
 /// The smallest gap of a trial's plans until then; 1 without any.

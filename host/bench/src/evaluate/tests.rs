@@ -1221,6 +1221,31 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         shares,
         [&[0.0, 0.0, 0.0, 1.0], never, &[0.0, 0.5, 0.5, 0.5]]
     );
+    // Who is there from the beginning is as good as can be.
+    let mut there = all.clone();
+    for row in &mut there {
+        row.soc_steps = row.soc_steps.map(|_| 0);
+        row.incumbents
+            .iter_mut()
+            .for_each(|plan| plan.soc_steps = Some(0));
+    }
+    let found = Evaluation::of(&Trials::new(&there), Order::Text).anytime;
+    let once = found.iter().find(|found| found.planner == "once").unwrap();
+    assert_eq!((once.within, once.targets), ([1.0; 4], [0.0, 0.0, 1.0]));
+    // What is as far from the best as a target says has reached it.
+    for (number, percent) in [1, 2, 5, 10].into_iter().enumerate() {
+        let mut exact = all.clone();
+        exact[1].soc_steps = Some(100);
+        exact[0].soc_steps = Some(100 - percent);
+        exact[0].incumbents[1] = plan(500.0, 100 - percent);
+        let found = Evaluation::of(&Trials::new(&exact), Order::Text).anytime;
+        let within = found.iter().find(|found| found.planner == "once").unwrap();
+        let reached: Vec<f64> = (0..4).map(|at| f64::from(u8::from(at >= number))).collect();
+        assert_eq!(within.within, *reached);
+        let reached = targets_reached(&Trials::new(&exact), &[1000.0]);
+        let wanted = (4 - number) as f64 / 4.0;
+        assert_eq!(reached[2].shares, [wanted], "{percent} %");
+    }
     // Who fails ends no race, however early.
     let mut fails = all.clone();
     fails[2].termination = "completed".into();

@@ -97,8 +97,8 @@ pub fn clustered_mean_interval(values: &[Clustered]) -> Option<Interval> {
 /// with small expected number of positive counts estimated from survey data", Survey Methodology 24
 /// (1998).
 pub fn weighted_share_interval(values: &[Weighted]) -> Option<Interval> {
-    // Rounding may take the mean of ones beyond one.
-    let share = weighted_mean(values)?.clamp(0.0, 1.0);
+    // No more than one: rounded sums of sorted terms that are no more are no more.
+    let share = weighted_mean(values)?;
     let sums = sums(values, 0.0);
     if sums.len() < MIN_CLUSTERS {
         return None;

@@ -137,6 +137,65 @@ fn a_joint_has_a_limit_and_a_goal() {
     }
 }
 
+/// Behind a car that drives straight on, a trailer misses its goal by nothing, or by what its goal is turned.
+#[test]
+fn a_trailer_may_miss_its_goal_by_the_tolerance_and_no_more() {
+    let mut plan = TrajectoryPlan::default();
+    let knot = |time_s: f64| Knot {
+        time_s,
+        x_m: time_s,
+        y_m: 0.0,
+        heading_rad: Some(0.0),
+    };
+    plan.push_path([knot(0.0), knot(1.0)]).unwrap();
+    let (car, trailer, free) = (rectangle(0.5, 0.25), Trailer::default(), corner(2.0));
+    let (body, obstacles) = (trailer.shape().unwrap(), Obstacles::workspace(&free));
+    for (goal_rad, tolerance_rad, valid) in [
+        (0.0, 0.0, true),
+        (0.25, 0.25, true),
+        (0.25, 0.125, false),
+        (-0.25, 0.125, false),
+    ] {
+        let trailers = [Some(TrailerTask {
+            trailer,
+            shape: &body,
+            start_rad: 0.0,
+            goal_rad,
+        })];
+        let shapes = [&car];
+        let mut task = ContinuousTask {
+            trailers: &trailers,
+            ..ContinuousTask::new(&shapes, &obstacles)
+        };
+        task.tolerance.goal.heading_rad = tolerance_rad;
+        let verdict = validated(&plan, &task, 10);
+        assert_eq!(verdict.valid, valid, "{:?}", verdict.violations);
+        for found in &verdict.violations {
+            assert_eq!(
+                found.sentence,
+                "the trailer of agent 0 ends turned by 0.25 rad"
+            );
+            assert_eq!((found.rule, found.time_s), (ContinuousRule::WrongGoal, 1.0));
+        }
+    }
+}
+
+#[test]
+fn a_trailer_that_begins_nowhere_goes_nowhere() {
+    let verdict = judged(&round(), &corner(0.1), |task| task.start_rad = f64::NAN);
+    let found = &verdict.violations[0];
+    assert_eq!(
+        (found.rule, found.time_s),
+        (ContinuousRule::OutOfLimits, 0.0)
+    );
+    assert!(
+        found
+            .sentence
+            .starts_with("the trailer of agent 0 goes nowhere:"),
+        "{found}"
+    );
+}
+
 #[test]
 fn trailers_touch_others_but_not_their_cars() {
     let mut plan = round();
