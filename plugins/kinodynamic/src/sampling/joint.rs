@@ -41,12 +41,21 @@ struct Node {
     is_done: Vec<bool>,
 }
 
+/// The nodes of a search, with what finds those that are near.
+#[derive(Debug)]
+pub struct Tree {
+    near: Near<AXES>,
+    nodes: Vec<Node>,
+}
+
 /// Courses of robots to their goals, which touch neither what they have to keep clear of nor each other; none if `goes_on` says
-/// no before, which is asked before each control.
+/// no before, which is asked before each control. The tree stays behind, in place of the last one: who is out of time
+/// has none to free it.
 pub fn solve(
     drives: &[Drive<'_>],
     choices: Choices,
     random: &mut Random,
+    tree: &mut Option<Tree>,
     goes_on: &mut dyn FnMut() -> bool,
 ) -> Option<Vec<Course>> {
     let starts: Vec<State> = drives.iter().map(|drive| drive.member.start).collect();
@@ -64,16 +73,18 @@ pub fn solve(
         segments: vec![None; drives.len()],
         states: starts,
     };
-    let mut tree = Joint {
+    let mut joint = Joint {
         drives,
-        near: Near::new(drives[0].bounds(), drives[0].round()),
-        nodes: Vec::new(),
+        tree: tree.insert(Tree {
+            near: Near::new(drives[0].bounds(), drives[0].round()),
+            nodes: Vec::new(),
+        }),
     };
-    if let Some(courses) = tree.added(root, choices.connect, random) {
+    if let Some(courses) = joint.added(root, choices.connect, random) {
         return Some(courses);
     }
     let mut found: Vec<Found> = Vec::new();
-    while goes_on() && tree.nodes.len() < choices.room {
+    while goes_on() && joint.tree.nodes.len() < choices.room {
         let is_goal = random.share() < choices.goal_bias;
         let sample: Vec<State> = drives
             .iter()
@@ -85,9 +96,12 @@ pub fn solve(
                 }
             })
             .collect();
-        tree.near.nearest(&tree.point(&sample), 1, &mut found);
+        joint
+            .tree
+            .near
+            .nearest(&joint.point(&sample), 1, &mut found);
         let parent = found.first()?.number;
-        let from = &tree.nodes[parent as usize];
+        let from = &joint.tree.nodes[parent as usize];
         let mut segments: Vec<Option<Segment>> = Vec::with_capacity(drives.len());
         let mut seconds = choices.longest * (1.0 - random.share());
         for ((drive, state), is_done) in drives.iter().zip(&from.states).zip(&from.is_done) {
@@ -107,7 +121,7 @@ pub fn solve(
         for segment in segments.iter_mut().flatten() {
             segment.seconds = seconds;
         }
-        if !tree.is_clear(
+        if !joint.is_clear(
             from,
             &segments
                 .iter()
@@ -135,7 +149,7 @@ pub fn solve(
             segments,
             is_done,
         };
-        if let Some(courses) = tree.added(node, choices.connect, random) {
+        if let Some(courses) = joint.added(node, choices.connect, random) {
             return Some(courses);
         }
     }
@@ -144,8 +158,7 @@ pub fn solve(
 
 struct Joint<'a> {
     drives: &'a [Drive<'a>],
-    near: Near<AXES>,
-    nodes: Vec<Node>,
+    tree: &'a mut Tree,
 }
 
 impl Joint<'_> {
@@ -165,18 +178,18 @@ impl Joint<'_> {
 
     /// Adds a node. The courses over it, if it is the goal or the goal is reached from it.
     fn added(&mut self, node: Node, connect: bool, random: &mut Random) -> Option<Vec<Course>> {
-        let number = self.nodes.len() as u32;
+        let number = self.tree.nodes.len() as u32;
         let point = self.point(&node.states);
         let is_goal = node.is_done.iter().all(|is_done| *is_done);
-        self.nodes.push(node);
-        self.near.insert(point, number);
+        self.tree.nodes.push(node);
+        self.tree.near.insert(point, number);
         if is_goal {
             return Some(self.courses(number));
         }
         if !connect {
             return None;
         }
-        let node = &self.nodes[number as usize];
+        let node = &self.tree.nodes[number as usize];
         let mut last = Vec::with_capacity(self.drives.len());
         for ((drive, state), is_done) in self.drives.iter().zip(&node.states).zip(&node.is_done) {
             last.push(if *is_done {
@@ -243,7 +256,7 @@ impl Joint<'_> {
             .collect();
         let mut at = number;
         while at != NONE {
-            let node = &self.nodes[at as usize];
+            let node = &self.tree.nodes[at as usize];
             for (course, segment) in courses.iter_mut().zip(&node.segments) {
                 course.segments.extend(*segment);
             }

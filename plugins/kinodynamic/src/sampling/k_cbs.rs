@@ -9,13 +9,14 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::rc::Rc;
 
+use fleetyard_abi::leftovers::Leftover;
 use fleetyard_plugin_plane::sssp::bodies::Body;
 use fleetyard_plugin_spacetime::random::Random;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::drive::{Drive, Moving};
-use super::joint::{Choices, solve};
+use super::joint::{Choices, Tree, solve};
 use super::sst::{self, Sparse, longest};
 use crate::course::{Course, Track};
 use crate::plugin::{CLEARANCE_M, Team};
@@ -154,6 +155,8 @@ pub struct Search<'a> {
     limits: Limits<'a>,
     /// Single robots have to take less seconds in sum.
     best: f64,
+    /// Of the last plan of a group.
+    tree: Leftover<Option<Tree>>,
     /// Figures.
     pub effort: Effort,
 }
@@ -171,6 +174,7 @@ impl<'a> Search<'a> {
             groups: (0..team.len()).map(|agent| vec![agent]).collect(),
             limits,
             best: f64::INFINITY,
+            tree: Leftover::default(),
             effort: Effort::default(),
         }
     }
@@ -235,7 +239,7 @@ impl<'a> Search<'a> {
 
     fn search(&mut self, motions: Vec<Rc<Motion>>) -> Ended {
         let mut counts: BTreeMap<[usize; 2], u32> = BTreeMap::new();
-        let mut nodes: Vec<Option<Node>> = Vec::new();
+        let mut nodes: Leftover<Vec<Option<Node>>> = Leftover::default();
         let mut queue: BinaryHeap<Reverse<(u64, usize, u64, usize)>> = BinaryHeap::new();
         let conflicts = self.conflicts(&motions, &(0..self.team.len()).collect::<Vec<_>>());
         let root = Node {
@@ -401,7 +405,7 @@ impl<'a> Search<'a> {
             }
             tree.course().map(|course| vec![course.clone()])
         } else {
-            solve(&drives, choices, &mut random, &mut goes_on)
+            solve(&drives, choices, &mut random, &mut self.tree, &mut goes_on)
         };
         let motions = courses?.into_iter().zip(&drives).map(|(course, drive)| {
             let track = course.track(&drive.member.robot);
