@@ -1231,7 +1231,8 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
     }
     let found = Evaluation::of(&Trials::new(&there), Order::Text).anytime;
     let once = found.iter().find(|found| found.planner == "once").unwrap();
-    assert_eq!((once.within, once.targets), ([1.0; 4], [0.0, 0.0, 1.0]));
+    assert_eq!(per_cent(&once.within), [100; 4]);
+    assert_eq!(per_cent(&once.targets), [0, 0, 100]);
     // What is as far from the best as a target says has reached it.
     for (number, percent) in [1, 2, 5, 10].into_iter().enumerate() {
         let mut exact = all.clone();
@@ -1240,11 +1241,15 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         exact[0].incumbents[1] = plan(500.0, 100 - percent);
         let found = Evaluation::of(&Trials::new(&exact), Order::Text).anytime;
         let within = found.iter().find(|found| found.planner == "once").unwrap();
-        let reached: Vec<f64> = (0..4).map(|at| f64::from(u8::from(at >= number))).collect();
-        assert_eq!(within.within, *reached);
+        let mut wanted = [100; 4];
+        wanted[..number].fill(0);
+        assert_eq!(per_cent(&within.within), wanted, "{percent} %");
         let reached = targets_reached(&Trials::new(&exact), &[1000.0]);
-        let wanted = (4 - number) as f64 / 4.0;
-        assert_eq!(reached[2].shares, [wanted], "{percent} %");
+        assert_eq!(
+            per_cent(&reached[2].shares),
+            [100 - 25 * number as u64],
+            "{percent} %"
+        );
     }
     // Who fails ends no race, however early.
     let mut fails = all.clone();
