@@ -1221,6 +1221,11 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         shares,
         [&[0.0, 0.0, 0.0, 1.0], never, &[0.0, 0.5, 0.5, 0.5]]
     );
+    let once = |all: &[Row]| {
+        let found = Evaluation::of(&Trials::new(all), Order::Text).anytime;
+        let mut found = found.into_iter();
+        found.find(|found| found.planner == "once").unwrap()
+    };
     // Who is there from the beginning is as good as can be.
     let mut there = all.clone();
     for row in &mut there {
@@ -1229,21 +1234,18 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
             .iter_mut()
             .for_each(|plan| plan.soc_steps = Some(0));
     }
-    let found = Evaluation::of(&Trials::new(&there), Order::Text).anytime;
-    let once = found.iter().find(|found| found.planner == "once").unwrap();
-    assert_eq!(per_cent(&once.within), [100; 4]);
-    assert_eq!(per_cent(&once.targets), [0, 0, 100]);
+    let found = once(&there);
+    assert_eq!(per_cent(&found.within), [100; 4]);
+    assert_eq!(per_cent(&found.targets), [0, 0, 100]);
     // What is as far from the best as a target says has reached it.
     for (number, percent) in [1, 2, 5, 10].into_iter().enumerate() {
         let mut exact = all.clone();
         exact[1].soc_steps = Some(100);
         exact[0].soc_steps = Some(100 - percent);
         exact[0].incumbents[1] = plan(500.0, 100 - percent);
-        let found = Evaluation::of(&Trials::new(&exact), Order::Text).anytime;
-        let within = found.iter().find(|found| found.planner == "once").unwrap();
         let mut wanted = [100; 4];
         wanted[..number].fill(0);
-        assert_eq!(per_cent(&within.within), wanted, "{percent} %");
+        assert_eq!(per_cent(&once(&exact).within), wanted, "{percent} %");
         let reached = targets_reached(&Trials::new(&exact), &[1000.0]);
         assert_eq!(
             per_cent(&reached[2].shares),
