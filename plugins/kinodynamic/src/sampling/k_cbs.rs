@@ -239,7 +239,7 @@ impl<'a> Search<'a> {
 
     fn search(&mut self, motions: Vec<Rc<Motion>>) -> Ended {
         let mut counts: BTreeMap<[usize; 2], u32> = BTreeMap::new();
-        let mut nodes: Leftover<Vec<Option<Node>>> = Leftover::default();
+        let mut nodes: Vec<Option<Node>> = Vec::new();
         let mut queue: BinaryHeap<Reverse<(u64, usize, u64, usize)>> = BinaryHeap::new();
         let conflicts = self.conflicts(&motions, &(0..self.team.len()).collect::<Vec<_>>());
         let root = Node {
@@ -272,6 +272,8 @@ impl<'a> Search<'a> {
                 continue;
             };
             if self.is_over() || nodes.len() as u64 > most {
+                // Other rounds free theirs: only now there is no time for it.
+                drop(Leftover::new(nodes));
                 return Ended::Stopped;
             }
             if let Some((group, controls)) = node.open {
