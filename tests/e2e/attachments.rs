@@ -7,9 +7,7 @@
 
 use std::process::Command;
 
-use fleetyard_testkit::{
-    SUCCESS, Yard, build, c_library, have, instance, root, standard_plugins, words,
-};
+use fleetyard_testkit::{SUCCESS, Yard, built_package, c_library, have, instance, root, words};
 use serde_json::Value;
 
 /// Runs a planner on an instance; the record of a valid plan.
@@ -50,7 +48,7 @@ fn same_plan(ways: &[(&str, &str)], map: &str, agents: usize, options: &str) {
 
 #[test]
 fn built_in_planners_by_every_way() {
-    let library = standard_plugins().library.unwrap();
+    let library = built_package("fleetyard-plugins").library.unwrap();
     let library = library.display().to_string();
     // Options under which the planner stops by itself: with a wall-clock budget a
     // faster attachment may find a better plan.
@@ -127,7 +125,7 @@ fn the_cpp_example() {
 
 #[test]
 fn the_rust_example() {
-    let built = build("fleetyard-example-rust");
+    let built = built_package("fleetyard-example-rust");
     let library = built.library.unwrap().display().to_string();
     let program = built.program.unwrap().display().to_string();
     let ways = [

@@ -704,8 +704,12 @@ fn hanging(yard: &Yard, planner: &Path, fault: &str) -> Started {
     line.extend(words(&format!("--option fault={fault}")));
     line.extend(instance("empty-8-8", 2));
     let started = yard.start(&line);
-    // Host, supervisor, the sandbox's first process, and the plugin, in this order.
-    assert!(until(|| started.processes().len() >= 4));
+    // Host, supervisor, the sandbox's first process, and the plugin, in this order. Until the plugin runs its
+    // process has the host's command line.
+    assert!(until(|| {
+        let processes = started.processes();
+        processes.len() >= 4 && !processes[processes.len() - 1].command.contains("--budget")
+    }));
     started
 }
 

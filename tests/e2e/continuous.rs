@@ -60,8 +60,9 @@ enum Answer {
 
 /// Asks a planner, whose budget is in nodes too, so that no answer depends on the machine.
 fn ask(yard: &Yard, arguments: &str, planner: &str, answer: Answer) {
-    let command = format!("run {arguments} --planner {planner} --budget 2m --format json");
-    let ended = yard.line(&command);
+    let ended = yard.line(&format!(
+        "run {arguments} --planner {planner} --budget 2m --format json"
+    ));
     if answer == Answer::None && ended.code == Some(INPUT) {
         // What nobody can do is not asked of a planner.
         assert!(ended.stderr.contains("cannot reach its goal"), "{ended}");
@@ -83,11 +84,6 @@ fn ask(yard: &Yard, arguments: &str, planner: &str, answer: Answer) {
             assert_eq!(ended.code, Some(NO_PLAN), "{planner}: {ended}");
             assert!(!valid, "{planner}: {ended}");
         }
-    }
-    if valid {
-        // The same seed gives the same plan.
-        let again = yard.line(&command).json();
-        assert_eq!(again["plan_digest"], record["plan_digest"], "{planner}");
     }
 }
 

@@ -285,7 +285,7 @@ fn corpus_and_mutations(name: &str, mutations: usize, memory: usize) {
 #[test]
 fn abi() {
     // Of a thousand plugins each has its texts and its schema.
-    corpus_and_mutations("abi", 20_000, 64 << 20);
+    corpus_and_mutations("abi", 10_000, 64 << 20);
 }
 
 #[test]
@@ -369,7 +369,7 @@ fn studio() {
 #[test]
 fn suite() {
     // A few words stand for a million seeds.
-    corpus_and_mutations("suite", 60_000, 32 << 20);
+    corpus_and_mutations("suite", 30_000, 32 << 20);
 }
 
 #[test]
@@ -385,7 +385,7 @@ fn trace() {
 
 #[test]
 fn values() {
-    corpus_and_mutations("values", 100_000, 1 << 20);
+    corpus_and_mutations("values", 10_000, 1 << 20);
 }
 
 #[test]

@@ -27,7 +27,7 @@ pub use metadata::{Dependency, Package, Target, packages};
 pub use notes::Notes;
 pub use places::{fleetyard, instance, map, root};
 pub use programs::{
-    Built, build, c_library, faulty_cpp_library, faulty_library, faulty_program,
-    faulty_rust_library, library, prepare_package, standard_plugins, turn_of_packages,
+    Built, built_package, c_library, faulty_cpp_library, faulty_library, faulty_program,
+    faulty_rust_library, library, prepare_package, turn_of_packages,
 };
 pub use table::each;

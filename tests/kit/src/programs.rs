@@ -116,19 +116,19 @@ pub struct Built {
     pub program: Option<PathBuf>,
 }
 
-/// The standard plugins. The command depends on them, so that their library lies beside its tests, and so
-/// does their program where the whole workspace was built. Cargo would build all planners once more,
-/// with the features that they have without the rest of the workspace.
-pub fn standard_plugins() -> Built {
-    let library = beside("fleetyard-plugins");
-    let program = built().join("fleetyard-plugins");
+/// The products of a package of the workspace. The command depends on it, so that its library lies beside
+/// the command's tests, and so does its program where the whole workspace was built. Cargo would build the
+/// package and what it needs once more, with the features that they have without the rest of the workspace.
+pub fn built_package(package: &str) -> Built {
+    let library = beside(package);
+    let program = built().join(package);
     let made = |path: &Path| fs::metadata(path).and_then(|file| file.modified());
     match (made(&library), made(&program)) {
         (Ok(linked), Ok(made)) if made >= linked => Built {
             library: Some(library),
             program: Some(program),
         },
-        _ => build("fleetyard-plugins"),
+        _ => build(package),
     }
 }
 
@@ -147,7 +147,7 @@ fn beside(package: &str) -> PathBuf {
 
 /// Builds a package of the workspace beside the command under test, with the same
 /// profile. Cargo holds no lock while tests run.
-pub fn build(package: &str) -> Built {
+fn build(package: &str) -> Built {
     let folder = built();
     let profile = match folder.file_name().and_then(OsStr::to_str).unwrap() {
         "debug" => "dev",

@@ -242,8 +242,11 @@ impl Walks<'_> {
     }
 }
 
-/// All walks from a start to a goal that take no longer than a time.
-fn walks(roadmap: &Roadmap, (start, goal): (Vertex, Vertex), most: f64) -> Vec<Vec<Edge>> {
+/// Most walks of an agent, and combinations of walks, that are looked at.
+const WALKS: usize = 1000;
+
+/// All walks from a start to a goal that take no longer than a time; none if they are too many.
+fn walks(roadmap: &Roadmap, (start, goal): (Vertex, Vertex), most: f64) -> Option<Vec<Vec<Edge>>> {
     let rest = roadmap.times_to(goal);
     let (mut found, mut open) = (Vec::new(), vec![(start, 0.0, Vec::new())]);
     while let Some((vertex, time, edges)) = open.pop() {
@@ -258,20 +261,23 @@ fn walks(roadmap: &Roadmap, (start, goal): (Vertex, Vertex), most: f64) -> Vec<V
         if vertex == goal {
             found.push(edges);
         }
+        if found.len().max(open.len()) > WALKS {
+            return None;
+        }
     }
-    found
+    Some(found)
 }
 
 /// The least cost of a plan below `most`, by all walks and all orders at their conflicts; none if there are too many walks.
 fn exact(roadmap: &Roadmap, tasks: &[(Vertex, Vertex)], most: f64) -> Option<f64> {
     let alone = |task: &(Vertex, Vertex)| roadmap.times_to(task.1)[task.0 as usize];
     let sum: f64 = tasks.iter().map(alone).sum();
-    let all: Vec<Vec<Vec<Edge>>> = tasks
+    let all = tasks
         .iter()
-        .map(|task| walks(roadmap, *task, most - sum + alone(task)))
-        .collect();
+        .map(|task| walks(roadmap, *task, most - sum + alone(task)));
+    let all: Vec<Vec<Vec<Edge>>> = all.collect::<Option<_>>()?;
     let combinations: usize = all.iter().map(Vec::len).product();
-    if combinations > 1000 {
+    if combinations > WALKS {
         return None;
     }
     let mut best = most;
