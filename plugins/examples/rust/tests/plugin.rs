@@ -1,5 +1,6 @@
 //! The example planner without a host, and the program where no host speaks to it.
 
+#[allow(unreachable_pub, reason = "the file is one of the templates'")]
 #[path = "../../../../host/cli/templates/rust/tests/host.rs"]
 mod host;
 
