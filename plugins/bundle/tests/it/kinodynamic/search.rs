@@ -378,7 +378,7 @@ fn ring(kinds: &[&str], bodies: u32, turn: f64) -> Problem {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, max_shrink_iters: 4, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, max_shrink_iters: 4, ..ProptestConfig::default() })]
 
     #[test]
     fn teams_of_all_kinds_change_sides(

@@ -467,21 +467,19 @@ fn benchmark_scenarios_are_solved() {
         ("maze-32-32-4", 100),
         ("den312d", 300),
     ] {
-        for scenario in 1..=3 {
-            let Some((map_file, scenario)) = grid::movingai(map, scenario) else {
-                continue;
-            };
-            let problem = Case::read(&map_file, &scenario, agents).expect("readable files");
-            let mut observer = Patient::default();
-            let options = Options {
-                node_limit: Some(20_000),
-                ..Options::default()
-            };
-            let result = solve(&problem, &options, 0, &mut observer);
-            let Ok(Outcome::Solved { plan, .. }) = result else {
-                panic!("{}: {result:?}", scenario.display());
-            };
-            assert_eq!(verify(&problem, &plan), Ok(()));
-        }
+        let Some((map_file, scenario)) = grid::movingai(map, 1) else {
+            continue;
+        };
+        let problem = Case::read(&map_file, &scenario, agents).expect("readable files");
+        let mut observer = Patient::default();
+        let options = Options {
+            node_limit: Some(5000),
+            ..Options::default()
+        };
+        let result = solve(&problem, &options, 0, &mut observer);
+        let Ok(Outcome::Solved { plan, .. }) = result else {
+            panic!("{}: {result:?}", scenario.display());
+        };
+        assert_eq!(verify(&problem, &plan), Ok(()));
     }
 }

@@ -400,7 +400,7 @@ fn team() -> impl Strategy<Value = Vec<(Body, Pose, Pose)>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig::with_cases(20))]
 
     /// Every plan is valid and better than the one before, and the same again.
     #[test]
