@@ -47,5 +47,10 @@ fn main() {
     public::add(&mut tests);
     conformance::add(&mut tests);
     modules::add(&mut tests);
-    libtest_mimic::run(&Arguments::from_args(), tests.0).exit();
+    let mut arguments = Arguments::from_args();
+    // As the standard harness has it.
+    let threads = std::env::var("RUST_TEST_THREADS").ok();
+    let threads = threads.and_then(|threads| threads.parse().ok());
+    arguments.test_threads = arguments.test_threads.or(threads);
+    libtest_mimic::run(&arguments, tests.0).exit();
 }

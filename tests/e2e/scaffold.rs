@@ -195,7 +195,9 @@ fn c_and_cpp_planners_for_roadmaps_and_the_plane() {
     if !have_all(&["make", "cc", "c++"]) {
         return;
     }
-    let yard = Yard::new();
+    let yard = Yard::new()
+        .set("CFLAGS", "-Werror")
+        .set("CXXFLAGS", "-Werror");
     for (lang, on) in [
         ("c", "roadmap"),
         ("c", "continuous"),
