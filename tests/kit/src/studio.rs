@@ -10,7 +10,7 @@ use std::process::ExitStatus;
 use serde_json::Value;
 use tungstenite::{Message, WebSocket, client};
 
-use crate::command::{Ended, Started, Yard, until, words};
+use crate::command::{Ended, Started, Yard, is_ignored, until, words};
 use crate::devtools::read;
 
 /// A studio.
@@ -194,8 +194,9 @@ impl Studio {
         client(request, stream).unwrap().0
     }
 
-    /// Ends the studio by a signal, and returns what it said.
+    /// Ends the studio by a signal, or by TERM where that one is ignored, and returns what it said.
     pub fn end(mut self, signal: &str) -> Ended {
+        let signal = if is_ignored(signal) { "TERM" } else { signal };
         let started = self.started.take().unwrap();
         let me = started.child.id();
         for process in started.processes() {
