@@ -474,10 +474,10 @@ fn only(lists: &[&str]) -> String {
         .iter()
         .flat_map(|list| list.split_whitespace())
         .collect();
-    cases
+    let asked = cases
         .iter()
-        .map(|case| format!(" --only {}", case.trim_end_matches('!')))
-        .collect()
+        .map(|case| format!(" --only {}", case.trim_end_matches('!')));
+    asked.collect::<Vec<_>>().concat()
 }
 
 /// The library of those plugins; cargo is asked for it once.
