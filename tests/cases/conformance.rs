@@ -465,7 +465,7 @@ const PROMISES: &[Promise] = &[
     ("promising-invocation", "never-calls", ""),
 ];
 
-/// What whoever keeps a promise passes beside it.
+/// Cases that a plugin passes which breaks one promise, unless they are about that one.
 const USUAL: &str = "handshake default-options random-instances repeated-calls";
 
 /// The arguments that ask for cases of these lists.

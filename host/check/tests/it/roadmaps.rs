@@ -287,13 +287,13 @@ fn what_is_wrong_with_one_path_is_named() {
     assert_eq!(
         told(
             StopGo,
-            &[&[(3, 0.0, 0.0), (1, 4.0, 4.0), (9, 5.0, 5.0)]],
+            &[&[(3, 0.0, 0.0), (1, 4.0, 4.0), (8, 5.0, 5.0)]],
             &[3],
-            &[9]
+            &[8]
         ),
         [
             "no-such-edge: visit 1 of agent 0: the roadmap has no edge from 3 to 1",
-            "no-such-vertex: visit 2 of agent 0 is to vertex 9, but the roadmap has 8",
+            "no-such-vertex: visit 2 of agent 0 is to vertex 8, but the roadmap has 8",
         ]
     );
     let slow: &[(u32, f64, f64)] = &[(3, 0.0, 0.0), (0, 2.5, 2.5)];
