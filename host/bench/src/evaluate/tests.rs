@@ -1294,6 +1294,13 @@ fn times_beyond_the_budget_are_censored_where_cases_are_independent() {
     assert!((found.first.0 - 39.0 / 12.0).abs() < 1e-12, "{found:?}");
     assert!((found.second.0 - 100.0 / 12.0).abs() < 1e-12, "{found:?}");
     assert!(found.p < 0.01);
+    // Six cases are enough, and five are not.
+    let is_told = |cases: usize| {
+        let mut some = rows("a", &times(0.5)[..cases]);
+        some.extend(rows("b", &times(2.0)[..cases]));
+        censored(&Trials::new(&some), "a", "b").is_some()
+    };
+    assert_eq!([5, 6].map(is_told), [false, true]);
     // Two scenarios of each map are not independent of each other.
     for row in &mut all {
         row.map = format!("map {}", row.trial / 20);
