@@ -104,7 +104,7 @@ impl Polygon {
                                 as the lower left corner, from everything in the world and its tasks";
 
     /// A polygon from its corners in either order; the last is joined to the
-    /// first. Takes time quadratic in the number of corners.
+    /// first. Takes time quadratic in the number of corners at worst.
     pub fn new(vertices_m: &[[f64; 2]]) -> Result<Self, PolygonError> {
         let Ring { vertices, .. } = check_ring(vertices_m)?;
         let parts = shapes_of(&convex_parts(&vertices));
@@ -269,15 +269,8 @@ pub(crate) fn check_ring(given: &[[f64; 2]]) -> Result<Ring, PolygonError> {
             return Err(PolygonError::TurnsBack { vertex });
         }
     }
-    // Neighbours share a vertex and, not turning back, nothing else.
-    for first in 0..count {
-        let last = if first == 0 { count - 1 } else { count };
-        let line = edge(first);
-        for second in first + 2..last {
-            if line.intersects(&edge(second)) {
-                return Err(PolygonError::SelfIntersection { first, second });
-            }
-        }
+    if let Some((first, second)) = crossing(given) {
+        return Err(PolygonError::SelfIntersection { first, second });
     }
     let mut numbers: Vec<usize> = (0..count).filter(|at| turns[*at] != 0.0).collect();
     // The corner that is lowest and then leftmost is convex; which way the
@@ -291,6 +284,48 @@ pub(crate) fn check_ring(given: &[[f64; 2]]) -> Result<Ring, PolygonError> {
     }
     let vertices = numbers.iter().map(|at| given[*at]).collect();
     Ok(Ring { vertices, numbers })
+}
+
+/// Two edges that meet and are no neighbours, the lowest numbered: neighbours share a vertex and,
+/// not turning back, nothing else.
+fn crossing(given: &[[f64; 2]]) -> Option<(usize, usize)> {
+    struct Edge {
+        number: usize,
+        line: Line,
+        left: f64,
+        right: f64,
+        bottom: f64,
+        top: f64,
+    }
+    let count = given.len();
+    let edge = |number: usize| {
+        let ([ax, ay], [bx, by]) = (given[number], given[(number + 1) % count]);
+        Edge {
+            number,
+            line: Line::new(coord! { x: ax, y: ay }, coord! { x: bx, y: by }),
+            left: ax.min(bx),
+            right: ax.max(bx),
+            bottom: ay.min(by),
+            top: ay.max(by),
+        }
+    };
+    let mut edges: Vec<Edge> = (0..count).map(edge).collect();
+    edges.sort_by(|a, b| a.left.total_cmp(&b.left));
+    let mut found: Option<(usize, usize)> = None;
+    for (at, one) in edges.iter().enumerate() {
+        let reached = edges[at + 1..]
+            .iter()
+            .take_while(|other| other.left <= one.right);
+        for other in reached.filter(|other| other.bottom <= one.top && one.bottom <= other.top) {
+            let pair = (one.number.min(other.number), one.number.max(other.number));
+            let neighbours = pair.1 - pair.0 == 1 || pair == (0, count - 1);
+            let known = found.is_some_and(|found| found <= pair);
+            if !neighbours && !known && one.line.intersects(&other.line) {
+                found = Some(pair);
+            }
+        }
+    }
+    found
 }
 
 /// Two vertices that cannot be told apart, the lowest numbered.
@@ -592,6 +627,24 @@ mod tests {
             }
             let whole = frame - polygon.area_m2();
             prop_assert!((area - whole).abs() <= 1e-9 * frame, "{area} {whole}");
+        }
+
+        /// The first two edges that meet are found as by a look at all pairs.
+        #[test]
+        fn edges_that_meet_are_found(
+            vertices in proptest::collection::vec((-4..5i32, -4..5i32), 3..12),
+        ) {
+            let vertices: Vec<[f64; 2]> =
+                vertices.into_iter().map(|(x, y)| [f64::from(x), f64::from(y)]).collect();
+            let count = vertices.len();
+            let edge = |at: usize| {
+                let ([ax, ay], [bx, by]) = (vertices[at], vertices[(at + 1) % count]);
+                Line::new(coord! { x: ax, y: ay }, coord! { x: bx, y: by })
+            };
+            let pairs = (0..count).flat_map(|first| (first + 2..count).map(move |second| (first, second)));
+            let mut pairs = pairs.filter(|pair| *pair != (0, count - 1));
+            let expected = pairs.find(|(first, second)| edge(*first).intersects(&edge(*second)));
+            prop_assert_eq!(crossing(&vertices), expected);
         }
 
         /// Whatever is given, there is an answer.
