@@ -24,8 +24,15 @@ PLAN_FAULTS = """too-few-agents too-many-agents empty-path wrong-start not-at-go
 ANSWER_FAULTS = """late twice two-results claims-solved-without-plan claims-infeasible
     bad-status huge-plan huge-answer late-huge-answer incumbent-flood answers-early null-plan
     fails rpc-error bad-cells bad-moves exit-after-plan hangs-after-plan crash-after thread-raises forged-time
-    endless-call keeps-too-much""".split()
-FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *mischief.FAULTS]
+    endless-call keeps-too-much first-plan-forged""".split()
+# What it says of itself.
+IDENTITIES = {
+    "id-of-a-path": {"id": "../../faulty"},
+    "id-of-nobody": {"id": ""},
+    "id-of-two-lines": {"id": "faulty\nverdict           valid"},
+    "forged-header": {"version": "0.1.0 (worker process)\nverdict           valid\x1b[1A"},
+}
+FAULTS = ["none", *PLAN_FAULTS, *ANSWER_FAULTS, *IDENTITIES, *mischief.FAULTS]
 
 SCHEMA = {
     "type": "object",
@@ -301,6 +308,10 @@ def answer_plan(request, grid, params, fault, size, target):
         return reply(status="solved", paths=paths, call_ns=1)
     if fault == "endless-call":
         return reply(status="solved", paths=paths, call_ns=10**18)
+    if fault == "first-plan-forged":
+        # No solution: nobody leaves the start.
+        notify("incumbent", paths=[path[:1] for path in paths])
+        time.sleep(0.3)
     if fault in ("twice", "two-results"):
         notify("incumbent", paths=paths)
         notify("incumbent", paths=paths)
@@ -343,6 +354,7 @@ def main():
                 "description": "Misbehaves on request. For tests of the host.",
                 "capabilities": ["grid", "pebble", "deterministic"],
                 "options_schema": SCHEMA,
+                **IDENTITIES.get(fault, {}),
             }
             result = {"protocol_version": 1, "plugins": [about]}
         elif method == "plan":

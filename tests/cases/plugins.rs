@@ -809,6 +809,12 @@ fn programs(tests: &mut Tests) {
                 "a message is longer than 4 MiB",
             ],
         ),
+        (
+            "id-of-a-path",
+            ["`../../faulty` is no identifier", "initialize"],
+        ),
+        ("id-of-nobody", ["`` is no identifier", "initialize"]),
+        ("id-of-two-lines", [r"`faulty\nverdict", "is no identifier"]),
     ] {
         tests.add(&format!("programs::at the start::{fault}"), move || {
             if have("python3") {
@@ -818,6 +824,19 @@ fn programs(tests: &mut Tests) {
             }
         });
     }
+    tests.add("programs::at the start::forged-header", || {
+        if have("python3") {
+            let yard = Yard::new().set("FLEETYARD_FAULT", "forged-header");
+            let program = faulty_program().display().to_string();
+            let ended = yard.run(&planner(&program, &[])).expect(SUCCESS);
+            let verdicts = ended
+                .stdout
+                .lines()
+                .filter(|line| line.starts_with("verdict "));
+            assert_eq!(verdicts.count(), 1, "{ended}");
+            assert!(!ended.stdout.contains('\u{1b}'), "{ended}");
+        }
+    });
     // After the answer only a breach of the protocol counts.
     for (fault, arguments, texts) in [
         (

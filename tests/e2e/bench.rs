@@ -14,6 +14,7 @@ use fleetyard_testkit::{
     INPUT, NO_PLAN, SUCCESS, USAGE, Yard, each, faulty_program, fleetyard, have, is_ignored, map,
     root, until, words,
 };
+use serde_json::json;
 
 /// A suite of two planners on a small map; `more` stands before its tables.
 fn suite(agents: &str, more: &str) -> String {
@@ -556,7 +557,7 @@ fn who_does_not_keep_to_a_seed_is_named() {
         .expect(NO_PLAN);
     let json = verified.json();
     assert_eq!(json["equal"], 2, "{verified}");
-    assert_eq!(json["nondeterministic"], serde_json::json!(["fickle"]));
+    assert_eq!(json["nondeterministic"], json!(["fickle"]));
     assert_eq!(json["differ"].as_array().unwrap().len(), 2);
     assert_eq!(json["differ"][0]["what"], "plan");
     let text = yard
@@ -660,7 +661,7 @@ fn without_a_terminal_progress_is_lines_and_a_file() {
     assert!(ended.stdout.starts_with("planner"), "{ended}");
     assert!(ended.stdout.contains("4 trials made in "), "{ended}");
     let told: serde_json::Value = serde_json::from_slice(&yard.read("p.json")).unwrap();
-    assert_eq!(told, serde_json::json!({"done": 4, "trials": 4}));
+    assert_eq!(told, json!({"done": 4, "trials": 4}));
     // Quick ones say nothing in between.
     assert!(!ended.stderr.contains("left"), "{ended}");
 }
@@ -894,6 +895,26 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
     assert!(told.stdout.contains("time of work"), "{told}");
 }
 
+#[test]
+fn a_first_plan_that_breaks_a_rule_is_no_first_solution() {
+    if !have("python3") {
+        return;
+    }
+    let forger = faulty_program().display().to_string();
+    let mut line = words("run --format json --agents 3 --option fault=first-plan-forged --scen");
+    line.extend([map("empty-8-8-random-1.scen"), "--planner".into(), forger]);
+    let record = Yard::new().run(&line).expect(SUCCESS).json();
+    let metrics = &record["metrics"];
+    let valid = |at: usize| &metrics["incumbents"][at]["valid"];
+    assert_eq!(
+        (valid(0), valid(1)),
+        (&json!(false), &json!(true)),
+        "{metrics:#}"
+    );
+    let solution = &metrics["incumbents"][1]["time_ms"];
+    assert_eq!(&metrics["first_solution_ms"], solution, "{metrics:#}");
+}
+
 /// Copies the task with two rooms, and writes a suite of it next to it.
 fn rooms(yard: &Yard, planners: &[&str], instances: &str) {
     for file in ["two-rooms.task.json", "two-rooms.world.json"] {
@@ -1055,10 +1076,7 @@ fn a_suite_of_tasks_goes_into_a_bundle_and_comes_out_the_same() {
     // Plans of every form are kept, each once.
     let manifest = yard.read("out/manifest.json");
     let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
-    assert_eq!(
-        manifest["plans"],
-        serde_json::json!({"kept": 3, "not_kept": 0})
-    );
+    assert_eq!(manifest["plans"], json!({"kept": 3, "not_kept": 0}));
     // Another world is another task: what was asked of it is asked anew, and no bundle has the old trials.
     let world = String::from_utf8(yard.read("two-rooms.world.json")).unwrap();
     yard.write(

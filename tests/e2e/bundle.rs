@@ -247,6 +247,21 @@ fn what_is_not_as_it_was_is_refused() {
 }
 
 #[test]
+fn a_bundle_is_told_nothing_of_the_environment() {
+    let yard = filled("[[planner]]\nplugin = \"pibt\"\n").set("LOOT", "secret");
+    let text = String::from_utf8(yard.read("s.toml")).unwrap();
+    yard.write("s.toml", text + "\n[sandbox.env]\nTAKEN = \"${LOOT}\"\n");
+    yard.line("bench s.toml --set protocol.repeats=1")
+        .expect(SUCCESS);
+    yard.line("store bundle small.sqlite -o b.tar.gz")
+        .expect(SUCCESS);
+    let ended = yard.line("store repeat b.tar.gz").expect(INPUT);
+    let reason = "the suite asks for your environment variable `LOOT`";
+    assert!(ended.stderr.contains(reason), "{ended}");
+    assert!(ended.stderr.contains("hint: unpack"), "{ended}");
+}
+
+#[test]
 fn a_plugin_comes_along_only_when_it_is_wanted() {
     let yard = filled(
         "[[planner]]\nplugin = \"pibt\"\n\n[[planner]]\nlabel = \"mine\"\nplugin = \"own/mine.so\"\n",

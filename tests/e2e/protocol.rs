@@ -187,7 +187,7 @@ fn limits() -> String {
             bounds::INCUMBENTS.to_string(),
         ),
         (
-            "memory of plans before the last one; beyond it the oldest are forgotten",
+            "memory of plans before the last one; beyond it the oldest but the first are forgotten",
             mib(bounds::OLDER_BYTES),
         ),
         ("log that is kept", mib(bounds::LOG_BYTES)),

@@ -3,17 +3,20 @@
 //! A planner claims by its status, and by figures that are named as ours are: every
 //! `claimed_sum_of_costs` and `claimed_makespan` is compared with the cost of the plan
 //! that it handed over. How long it says that it worked is held against the host's clock and
-//! the processor time of the call; it is listed only where it cannot be true, for nothing
-//! shows that it is. Nothing is believed, and nothing is corrected: claims stand in
+//! the processor time of the call, and its `lower_bound` against the cost of every valid plan of
+//! the instance that is known; these are listed only where they cannot be true, for nothing shows
+//! that they are. Nothing is believed, and nothing is corrected: claims stand in
 //! the record beside the verdict, and where they differ it says so.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use fleetyard_abi::Status;
 use fleetyard_views::ViewVerdict;
 use serde::Serialize;
 
-use crate::record::{Record, number};
+use crate::follow::LOWER_BOUND;
+use crate::record::{Metrics, Record, number};
 
 /// A claim that can be checked in principle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -40,6 +43,8 @@ pub enum Subject {
     Makespan,
     /// Time that the planner worked.
     CallTime,
+    /// The sum of costs that no plan is below: in steps on a grid, else a time.
+    LowerBound,
 }
 
 impl fmt::Display for Subject {
@@ -49,6 +54,7 @@ impl fmt::Display for Subject {
             Self::SumOfCosts => "sum of costs",
             Self::Makespan => "makespan",
             Self::CallTime => "time of work",
+            Self::LowerBound => "lower bound",
         })
     }
 }
@@ -157,7 +163,28 @@ pub fn of(record: &Record) -> Vec<Claim> {
         });
     }
     claims.extend(call_time(record));
+    if valid == Some(true) {
+        claims.extend(lower_bound(&record.claimed_metrics, metrics));
+    }
     claims
+}
+
+/// A lower bound above the cost of a valid plan, which has these metrics.
+fn lower_bound(claims: &BTreeMap<String, f64>, plan: &Metrics) -> Option<Claim> {
+    let claimed = claims.get(LOWER_BOUND).copied()?;
+    let steps = plan.soc_steps.map(|steps| steps as f64);
+    let cost = steps.or(plan.soc_s)?;
+    let figure = |cost: f64| match steps {
+        Some(_) => Figure::Steps(cost),
+        None => Figure::Time { ms: 1000.0 * cost },
+    };
+    // Times of a plan are rounded on their way.
+    (claimed > cost * (1.0 + 1e-9) + 1e-6).then(|| Claim {
+        what: Subject::LowerBound,
+        claimed: figure(claimed),
+        found: Some(figure(cost)),
+        agrees: Some(false),
+    })
 }
 
 /// A time of work that is too short to be true: more of the round trip was the planner's than
@@ -217,27 +244,38 @@ fn status(claim: Option<Status>, valid: Option<bool>) -> Option<Claim> {
     })
 }
 
-/// Holds planners against each other: who claims that no plan exists is wrong when
-/// another one found a valid plan of the same instance. Records come with the names
-/// that their planners have in the comparison.
+/// Holds planners against each other: who claims that no plan exists is wrong when another one
+/// found a valid plan of the same instance, and who claims that none costs less when that one does.
+/// Records come with the names that their planners have in the comparison.
 pub fn confront(records: &mut [(&str, &mut Record)]) {
     for index in 0..records.len() {
         let mine = &records[index].1;
-        if mine.claim != Some(Status::Infeasible) {
-            continue;
-        }
-        let instance = mine.instance_digest;
-        let solver = records
+        let others = records.iter().filter(|(_, other)| {
+            let same = other.instance_digest == mine.instance_digest;
+            same && other.instance.representation == mine.instance.representation
+                && other.succeeded()
+        });
+        let solver = others
+            .clone()
+            .next()
+            .map(|(name, _)| format!("a valid plan by {name}"));
+        let known = mine
+            .claims
             .iter()
-            .find(|(_, other)| other.instance_digest == instance && other.succeeded())
-            .map(|(name, _)| *name);
-        let Some(solver) = solver else { continue };
-        for claim in &mut records[index].1.claims {
-            if claim.what == Subject::Status && claim.agrees.is_none() {
+            .any(|claim| claim.what == Subject::LowerBound);
+        let mut bounds =
+            others.filter_map(|(_, other)| lower_bound(&mine.claimed_metrics, &other.metrics));
+        let bound = bounds.next().filter(|_| !known);
+        let infeasible = mine.claim == Some(Status::Infeasible);
+        let claims = &mut records[index].1.claims;
+        for claim in claims.iter_mut() {
+            let open = claim.what == Subject::Status && claim.agrees.is_none();
+            if let (true, Some(solver)) = (open && infeasible, &solver) {
                 claim.agrees = Some(false);
-                claim.found = Some(Figure::Words(format!("a valid plan by {solver}")));
+                claim.found = Some(Figure::Words(solver.clone()));
             }
         }
+        claims.extend(bound);
     }
 }
 
@@ -261,6 +299,39 @@ mod tests {
             assert_eq!(found, expected, "{claim} {valid:?}");
         }
         assert_eq!(status(None, Some(true)), None);
+    }
+
+    #[test]
+    fn a_lower_bound_is_held_against_a_plan() {
+        let found = |bound: f64, soc_steps: Option<u64>, soc_s: Option<f64>| {
+            let claims = BTreeMap::from([(LOWER_BOUND.to_owned(), bound)]);
+            let plan = Metrics {
+                soc_steps,
+                soc_s,
+                ..Metrics::default()
+            };
+            lower_bound(&claims, &plan).map(|claim| claim.to_string())
+        };
+        for (bound, steps, seconds, told) in [
+            (10.0, Some(10), None, None),
+            (f64::NAN, Some(10), None, None),
+            (1e9, None, None, None),
+            (
+                11.0,
+                Some(10),
+                None,
+                Some("lower bound: 11 claimed, 10 found (+1)"),
+            ),
+            (2.5, None, Some(2.5), None),
+            (
+                2.5,
+                None,
+                Some(2.0),
+                Some("lower bound: 2500 ms claimed, 2000 ms found"),
+            ),
+        ] {
+            assert_eq!(found(bound, steps, seconds).as_deref(), told, "{bound}");
+        }
     }
 
     #[test]

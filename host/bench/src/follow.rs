@@ -14,7 +14,7 @@ use crate::record::milliseconds;
 const WAITING: usize = 1024;
 
 /// The figure by which planners report what no plan costs less than.
-const LOWER_BOUND: &str = "lower_bound";
+pub(crate) const LOWER_BOUND: &str = "lower_bound";
 
 /// A plan that has come, by what its planner claims: nobody has judged it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

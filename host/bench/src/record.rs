@@ -303,7 +303,7 @@ pub struct Metrics {
     /// Of learning the map, also where the planner ended there and was not asked for a plan; absent
     /// when the map was known.
     pub prepare_time_ms: Option<f64>,
-    /// Until the first plan had come.
+    /// Until the first valid plan had come.
     pub first_solution_ms: Option<f64>,
     /// The plans that came in time.
     pub incumbents: Vec<IncumbentInfo>,

@@ -485,7 +485,8 @@ impl Trial<'_> {
             self.instance,
             TrialInstance::Grid { path_rule, .. } if path_rule != PathRule::Steps
         );
-        let incumbents = run.incumbents.iter().enumerate().map(|(index, incumbent)| {
+        let incumbents = run.incumbents.iter().enumerate();
+        let incumbents = incumbents.map(|(index, incumbent)| {
             let valid = |plan: &Plan| match found {
                 Some(found) if index == last => found.verdict.valid,
                 _ => self.instance.allows(plan),
@@ -497,6 +498,9 @@ impl Trial<'_> {
                 valid: incumbent.plan.as_ref().map(valid),
             }
         });
+        let incumbents: Vec<IncumbentInfo> = incumbents.collect();
+        // What breaks a rule is no solution, however soon it comes.
+        let solution = incumbents.iter().find(|plan| plan.valid == Some(true));
         Metrics {
             planning_time_ms: milliseconds(run.planning),
             call_time_ms: run.call.map(milliseconds),
@@ -508,11 +512,8 @@ impl Trial<'_> {
                 calibration.of(attach, self.instance.agents(), cells as u64)
             }),
             prepare_time_ms,
-            first_solution_ms: run
-                .incumbents
-                .first()
-                .map(|first| milliseconds(first.arrived)),
-            incumbents: incumbents.collect(),
+            first_solution_ms: solution.map(|plan| plan.time_ms),
+            incumbents,
             late_plans: run.late,
             ..self.instance.metrics(plan, found, self.config)
         }

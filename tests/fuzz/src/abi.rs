@@ -31,6 +31,7 @@ use fleetyard_abi::{
     Motion, MotionPlan, Mover, Objective, Part, Plan, PlanRef, Request, RoadmapEnvironment, Robot,
     SharedEnvironment, State, Status, View, Visit, WorkspaceEnvironment, c,
 };
+use fleetyard_core::is_unseen;
 use fleetyard_runtime::Library;
 use serde_json::{Value, json};
 
@@ -358,13 +359,14 @@ impl Stage {
         };
         let about_size = size::<c::Descriptor>(&about, "size");
         self.descriptor = Some(memory.structure(raw, about_size, to(&about, "to")));
-        let allowed =
-            |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"._-".contains(&byte);
+        let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+        let allowed = |byte: u8| letter(byte) || b"._-".contains(&byte);
         is_whole::<c::Descriptor>(&about, "size", "to")
             && !too_many
             && (to_features == To::There || feature_count == 0)
-            && !id.is_empty()
+            && id.bytes().next().is_some_and(letter)
             && id.bytes().all(allowed)
+            && id.len() <= 100
             && (schema.is_empty() || serde_json::from_str::<Value>(&schema).is_ok())
     }
 }
@@ -1178,7 +1180,10 @@ fn use_it(library: &Library) {
     };
     let line = |name: &str| with(|stage| stage.line(name));
     let (about, object) = (line("descriptor"), line("object"));
-    assert_eq!(first.name, word(&about, "name"));
+    // A name is one line, and what is seen of it stays.
+    let seen = |text: &str| text.replace(is_unseen, " ");
+    let name: String = seen(&word(&about, "name")).chars().take(200).collect();
+    assert_eq!(first.name.trim_end_matches('…'), name.trim_end_matches('…'));
     assert_eq!(first.features, with(|stage| stage.features.clone()));
     assert_eq!(
         first.capabilities.bits(),

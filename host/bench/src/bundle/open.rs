@@ -1,5 +1,6 @@
 //! Reads bundles, and finds the trials that are to be made again.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -78,13 +79,19 @@ impl Bundle {
     }
 
     /// The suite of the bundle, which somebody else has written: it may name files of the bundle and
-    /// no others, and a plugin that comes along runs in a sandbox.
+    /// no others, nothing of this environment is told to it, and a plugin that comes along runs in a
+    /// sandbox.
     pub fn suite(&self) -> Result<Suite> {
         let place = self.root.join(SUITE);
         let source = place.display().to_string();
         let fault =
             |reason: String, hint: &str| InputError::new(source.as_str(), reason).hint(hint);
-        let suite = Suite::load_with(&place, &[])?;
+        let asked = RefCell::default();
+        let variable = |name: &str| {
+            asked.replace(Some(shown(name)));
+            None
+        };
+        let suite = Suite::load_in(&place, &[], &variable);
         let inside = |path: &Path| {
             let rest = path.strip_prefix(&self.root);
             rest.is_ok_and(|rest| {
@@ -93,6 +100,11 @@ impl Bundle {
             })
         };
         let hint = "unpack the archive, look at its suite, and run it by `fleetyard bench`";
+        if let Some(name) = asked.take() {
+            let reason = format!("the suite asks for your environment variable `{name}`");
+            return Err(fault(reason, hint));
+        }
+        let suite = suite?;
         if suite.name != self.manifest.suite {
             let reason = format!("the suite is `{}`, and the manifest's another", suite.name);
             return Err(fault(reason, hint));

@@ -214,7 +214,16 @@ impl Suite {
     /// Paths in it are relative to its folder, and `${NAME}` in them stands for an
     /// environment variable.
     pub fn load_with(path: impl AsRef<Path>, settings: &[Setting]) -> Result<Self, InputError> {
-        let path = path.as_ref();
+        let variable = |name: &str| std::env::var(name).ok();
+        Self::load_in(path.as_ref(), settings, &variable)
+    }
+
+    /// The same where the environment is this.
+    pub(crate) fn load_in(
+        path: &Path,
+        settings: &[Setting],
+        variable: &dyn Fn(&str) -> Option<String>,
+    ) -> Result<Self, InputError> {
         let source = path.display().to_string();
         let bytes = read_file(path, SUITE_LIMIT)?;
         let text = String::from_utf8(bytes).map_err(|error| {
@@ -223,9 +232,7 @@ impl Suite {
             InputError::new(source.as_str(), "this is not UTF-8 text").at_line(lines.count() as u64)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Self::read(&source, &text, settings, folder, &|name| {
-            std::env::var(name).ok()
-        })
+        Self::read(&source, &text, settings, folder, variable)
     }
 
     /// Reads the text of a suite; `source` is its name in errors, paths in it are

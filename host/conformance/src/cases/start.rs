@@ -71,16 +71,6 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
             "it has {namesakes} of kind {kind} named `{id}`"
         )));
     }
-    let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
-    let fits = id.bytes().next().is_some_and(letter)
-        && id
-            .bytes()
-            .all(|byte| letter(byte) || b"._-".contains(&byte));
-    if !fits {
-        return Err(Stop::Failed(format!(
-            "`{id}` is no identifier: use a-z, 0-9, `.`, `_`, `-`, the first one a letter or digit"
-        )));
-    }
     for (what, text) in [
         ("version", &about.version),
         ("name", &about.name),

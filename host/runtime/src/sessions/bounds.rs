@@ -30,7 +30,7 @@ pub const HORIZON_STEPS: usize = 1 << 16;
 /// last.
 pub const INCUMBENTS: usize = 10_000;
 
-/// Most memory of plans that were followed by better ones. Beyond it the oldest keep
+/// Most memory of plans that were followed by better ones. Beyond it the oldest but the first keep
 /// their time of arrival alone.
 pub const OLDER_BYTES: usize = 64 << 20;
 

@@ -52,8 +52,8 @@ pub(crate) struct Collector {
 #[derive(Default)]
 pub(crate) struct Collected {
     pub(crate) incumbents: Vec<Incumbent>,
-    /// The first of them that has its plan, and the memory of all plans but the last.
-    oldest: usize,
+    /// The last of them that has lost its plan, and the memory of all plans but the last.
+    lost: usize,
     older_bytes: usize,
     pub(crate) late: u64,
     pub(crate) metrics: BTreeMap<String, f64>,
@@ -196,8 +196,8 @@ impl Collector {
 }
 
 impl Collected {
-    /// The last plan is kept whatever its size, and of the older ones as many as there is
-    /// memory for.
+    /// The last plan is kept whatever its size, and of the older ones as many as there is memory
+    /// for: the newest, and the first, by which a planner's time to a solution is known.
     fn keep(&mut self, arrived: Duration, plan: Plan) {
         let bytes = |plan: &Plan| plan.as_ref().bytes();
         if self.incumbents.len() >= INCUMBENTS {
@@ -205,11 +205,13 @@ impl Collected {
         } else if let Some(last) = self.incumbents.last() {
             self.older_bytes += last.plan.as_ref().map_or(0, bytes);
         }
-        while self.older_bytes > OLDER_BYTES
-            && let Some(oldest) = self.incumbents.get_mut(self.oldest)
-        {
-            self.older_bytes -= oldest.plan.take().as_ref().map_or(0, bytes);
-            self.oldest += 1;
+        while self.older_bytes > OLDER_BYTES {
+            let mut next = (self.lost + 1..self.incumbents.len()).chain([0]);
+            let Some(goes) = next.find(|at| self.incumbents[*at].plan.is_some()) else {
+                break;
+            };
+            self.older_bytes -= self.incumbents[goes].plan.take().as_ref().map_or(0, bytes);
+            self.lost = self.lost.max(goes);
         }
         self.incumbents.push(Incumbent {
             arrived,

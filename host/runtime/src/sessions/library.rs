@@ -16,9 +16,11 @@ use fleetyard_abi::{
     Budget, Capabilities, Descriptor, FleetState, FleetStatus, Instance, Kind, PathEncoding, Plan,
     SharedEnvironment, Status, c,
 };
+use fleetyard_core::shown;
 
 use crate::Fault;
 use crate::sessions::bounds::{PLAN_CELLS, plan_cells};
+use crate::sessions::identity::introduced;
 
 /// Most plugins of one kind that a library may claim to have.
 const MOST_PLUGINS: u32 = 1024;
@@ -225,21 +227,17 @@ unsafe fn descriptor_from_c(kind: Kind, raw: &c::Descriptor) -> Result<Descripto
     // SAFETY: by the caller's promise.
     let text = |text: c::Str| unsafe { string(text) };
     let id = text(raw.id);
-    let allowed =
-        |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"._-".contains(&byte);
-    if id.is_empty() || !id.bytes().all(allowed) {
-        return Err(format!(
-            "`{}` is no identifier: use a-z, 0-9, `.`, `_`, `-`",
-            id.escape_debug()
-        ));
-    }
     let schema = text(raw.options_schema);
     let options_schema = match schema.as_str() {
         "" => serde_json::Value::Null,
-        schema => serde_json::from_str(schema)
-            .map_err(|error| format!("the options schema of `{id}` is not JSON: {error}"))?,
+        schema => serde_json::from_str(schema).map_err(|error| {
+            format!(
+                "the options schema of `{}` is not JSON: {error}",
+                shown(&id)
+            )
+        })?,
     };
-    Ok(Descriptor {
+    introduced(Descriptor {
         kind,
         name: text(raw.name),
         version: text(raw.version),

@@ -8,7 +8,7 @@
 //! command-line solver ([`adapter`]). [`plan_run`] is a call for a plan and its outcome,
 //! [`collector`] keeps its plans, [`annotated`] what it wants to show and [`log`] the plugin's log,
 //! whichever way they come;
-//! [`limits`] are those of all calls, and [`convert`] is between the domain model and the
+//! [`identity`] takes what a plugin says of itself, [`limits`] are those of all calls, and [`convert`] is between the domain model and the
 //! contract's.
 
 pub mod adapter;
@@ -18,6 +18,7 @@ pub mod bounds;
 pub(crate) mod client;
 pub(crate) mod collector;
 pub(crate) mod convert;
+mod identity;
 mod in_process;
 pub(crate) mod incoming;
 pub(crate) mod library;

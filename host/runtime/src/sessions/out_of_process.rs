@@ -27,6 +27,7 @@ use crate::sessions::attachment::{Attachment, Closing, Generated, no_request};
 use crate::sessions::bounds::{INTRODUCTION_BYTES, MESSAGE_BYTES, PLAN_TEXT_BYTES, message_bytes};
 use crate::sessions::client::{Client, Deadline, Notice, Reply};
 use crate::sessions::collector::Collector;
+use crate::sessions::identity;
 use crate::sessions::incoming::Expected;
 use crate::sessions::message;
 use crate::sessions::plan_run::{CallReport, PlanCall, PlanRun, Running, Solver};
@@ -324,14 +325,15 @@ impl<T: Transport> Attachment for Client<T> {
 /// The plugins that an introduction describes, with the version of the C ABI that they were
 /// built for.
 pub(super) fn introduced(answer: &Reply) -> Result<InitializeResult, Fault> {
-    let introduced: InitializeResult = read("initialize", answer)?;
+    let mut introduced: InitializeResult = read("initialize", answer)?;
     let version = introduced.protocol_version;
+    let breach = |reason| Fault::protocol("initialize", reason);
     if version != PROTOCOL_VERSION {
-        return Err(Fault::protocol(
-            "initialize",
-            format!("it chose protocol {version}, which was not offered"),
-        ));
+        let reason = format!("it chose protocol {version}, which was not offered");
+        return Err(breach(reason));
     }
+    let plugins = introduced.plugins.into_iter().map(identity::introduced);
+    introduced.plugins = plugins.collect::<Result<_, _>>().map_err(breach)?;
     Ok(introduced)
 }
 

@@ -74,7 +74,9 @@ impl Lockdown<'_> {
     fn resource_limits(&self) -> Result<(), Refusal> {
         let refused = Refusal::of(Layer::ResourceLimits, "setting resource limits");
         let limits = [
-            (Resource::Core, 0),
+            // Where a program takes core files from a pipe, only the limit of 1 keeps them from it
+            // (core(5)); no file of a core is so short.
+            (Resource::Core, 1),
             (Resource::Fsize, self.file_bytes),
             // What processes write into sockets is in no process: fewer hold less.
             (Resource::Nofile, 1024),

@@ -16,6 +16,7 @@ use serde_json::{Map, Number, Value as Json};
 use super::input::{Input, ProblemInput, answer_file};
 use super::template::{Slot, Template};
 use crate::options::check_options;
+use crate::sessions::identity::is_identifier;
 
 /// The largest manifest that is read, in bytes.
 pub const MANIFEST_LIMIT: u64 = 1 << 20;
@@ -336,15 +337,6 @@ fn format<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
     let hint = format!("this host reads manifests with `manifest = {FORMAT}`");
     let reason = "this manifest is written for a newer host";
     Err(with_hint(&reason, Some(&hint)))
-}
-
-fn is_identifier(text: &str) -> bool {
-    let first = |letter: u8| letter.is_ascii_lowercase() || letter.is_ascii_digit();
-    let fits = text
-        .bytes()
-        .enumerate()
-        .all(|(at, letter)| first(letter) || at > 0 && matches!(letter, b'.' | b'_' | b'-'));
-    fits && !text.is_empty() && text.len() <= 100
 }
 
 fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
