@@ -2,8 +2,10 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Read;
+use std::net::TcpStream;
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use fleetyard_testkit::studio::{Studio, next_text};
 use fleetyard_testkit::{INPUT, SUCCESS, USAGE, Yard, have, root, until, words};
@@ -140,7 +142,21 @@ fn who_has_no_right_to_ask_is_refused() {
         assert!(status == 404 || status == 400, "{path}: {status}");
     }
     for path in ["/api/edit", "/api/open", "/api/undo", "/api/jobs/1/cancel"] {
-        assert_eq!(ask("GET", path, &[right]), 405, "{path}");
+        let refused = studio.get(path).expect(405);
+        assert_eq!(refused.header("allow"), "POST", "{path}");
+        let reason = "this is asked for by another method";
+        assert_eq!(refused.json()["error"], reason, "{path}");
+    }
+    // Whatever is refused is JSON.
+    for path in [
+        "/api/jobs/seven",
+        "/api/feed",
+        "/api/jobs/%ff",
+        "/api/trials/%ff",
+    ] {
+        let refused = studio.get(path);
+        assert!((400..500).contains(&refused.status), "{path}: {refused:?}");
+        assert!(refused.json()["error"].is_string(), "{path}: {refused:?}");
     }
     // What is too large, and what is unknown.
     let large = vec![b' '; 70_000];
@@ -207,6 +223,68 @@ fn of_two_who_edit_at_once_one_is_told() {
         .json();
     assert_eq!(undone["digest"], first["digest"]);
     assert_eq!(undone["document"]["seed"], first["document"]["seed"]);
+    studio.end("INT").expect(SUCCESS);
+}
+
+/// Whoever reads the command line of the browser is too late, and no other user's token is of use.
+#[test]
+fn other_users_of_the_machine_are_refused() {
+    if fleetyard_runtime::user() != 0 || !have("python3") {
+        eprintln!("skipped: it takes root to be two users, and python3");
+        return;
+    }
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let ask = |user: u32| {
+        // All is imported before, which another user may not read.
+        let script = format!(
+            "import os, socket\n\
+             os.setuid({user})\n\
+             with socket.socket() as ask:\n \
+             ask.connect(('127.0.0.1', {port}))\n \
+             ask.sendall(b'GET /api/document HTTP/1.1\\r\\nHost: 127.0.0.1:{port}\\r\\nConnection: close\\r\\n'\n  \
+             b'Authorization: Bearer {}\\r\\n\\r\\n')\n \
+             while part := ask.recv(1 << 16): os.write(1, part)",
+            studio.token,
+            port = studio.port,
+        );
+        let told = Command::new("python3").args(["-c", &script]).output();
+        let told = told.unwrap();
+        assert!(
+            told.status.success(),
+            "{}",
+            String::from_utf8_lossy(&told.stderr)
+        );
+        String::from_utf8(told.stdout).unwrap()
+    };
+    let let_in = ask(0);
+    assert!(let_in.starts_with("HTTP/1.1 200"), "{let_in}");
+    let refused = ask(65_534);
+    assert!(refused.starts_with("HTTP/1.1 403"), "{refused}");
+    assert!(
+        refused.contains("another user of this machine"),
+        "{refused}"
+    );
+    studio.end("INT").expect(SUCCESS);
+}
+
+#[test]
+fn sockets_that_say_nothing_keep_nobody_out() {
+    let yard = Yard::new();
+    let studio = two_rooms(&yard);
+    let mut page = studio.feed();
+    let idle: Vec<TcpStream> = (0..600)
+        .map(|_| TcpStream::connect(("127.0.0.1", studio.port)).unwrap())
+        .collect();
+    // Whoever has the right comes in, and stays.
+    let document = studio.get("/api/document").expect(200).json();
+    let mut agent = document["document"]["agents"][0].clone();
+    agent["goal"] = agent["start"].clone();
+    studio.edit(&json!({"op": "set-agent", "index": 0, "agent": agent}));
+    while next_text(&mut page)["type"] != "changed" {}
+    // The first of the others has gone.
+    let gone = (&idle[0]).read(&mut [0]);
+    assert!(matches!(gone, Ok(0) | Err(_)), "{gone:?}");
     studio.end("INT").expect(SUCCESS);
 }
 

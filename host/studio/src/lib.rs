@@ -17,6 +17,7 @@ mod feed;
 pub mod files;
 pub mod history;
 mod jobs;
+mod peer;
 mod place;
 mod planners;
 mod recordings;
@@ -25,6 +26,7 @@ mod routes;
 mod scratch;
 mod server;
 mod suite;
+mod visitors;
 mod waits;
 mod web;
 

@@ -28,6 +28,7 @@ use crate::recordings::{Recordings, is_trace};
 use crate::routes::router;
 use crate::scratch::{Scratch, usual_base};
 use crate::suite::{Suite, is_store, store_in};
+use crate::visitors::{Reception, Visit};
 
 /// The time that requests have to end when the studio does.
 const GOODBYE: Duration = Duration::from_secs(2);
@@ -194,7 +195,9 @@ impl Server {
             let listener = tokio::net::TcpListener::from_std(listener)?;
             let stopped = Arc::new(Notify::new());
             let ending = Arc::clone(&stopped);
-            let serving = axum::serve(listener, router(Arc::clone(&studio)))
+            let router = router(Arc::clone(&studio));
+            let service = router.into_make_service_with_connect_info::<Visit>();
+            let serving = axum::serve(Reception::new(listener), service)
                 .with_graceful_shutdown(async move { ending.notified().await });
             let serving = tokio::spawn(serving.into_future());
             stopper.0.notified().await;

@@ -14,8 +14,8 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
-use axum::extract::{FromRequestParts, Path, Request, State};
-use axum::http::header::{LOCATION, SET_COOKIE};
+use axum::extract::{ConnectInfo, FromRequestParts, Path, Request, State};
+use axum::http::header::{ALLOW, CONTENT_TYPE, LOCATION, SET_COOKIE};
 use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
@@ -34,6 +34,7 @@ use crate::answer::{Refused, Result};
 use crate::feed::{Message, Page};
 use crate::routes::jobs::make_folder;
 use crate::server::Studio;
+use crate::visitors::Visit;
 use crate::web;
 
 /// Most bytes of a request that is no document and no file.
@@ -74,8 +75,22 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
 }
 
 /// Lets in whom [`Access`](crate::access::Access) lets in, and adds the headers of every answer.
-async fn door(State(studio): Shared, request: Request, next: Next) -> Response {
-    let mut response = match studio.access.check(&request) {
+async fn door(
+    State(studio): Shared,
+    ConnectInfo(Visit(visitor)): ConnectInfo<Visit>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let entry = if visitor.is_known() {
+        studio.access.check(&request)
+    } else {
+        let reason = "the request comes from another user of this machine";
+        Err(Refused::new(StatusCode::FORBIDDEN, reason))
+    };
+    if entry.is_ok() {
+        visitor.let_in();
+    }
+    let mut response = match entry {
         Ok(Entry::Allowed) => next.run(request).await,
         Ok(Entry::Welcome(cookie)) => {
             let headers = [(LOCATION, "/"), (SET_COOKIE, cookie.as_str())];
@@ -83,12 +98,40 @@ async fn door(State(studio): Shared, request: Request, next: Next) -> Response {
         }
         Err(refused) => refused.into_response(),
     };
+    let is_json = |response: &Response| {
+        let media_type = response.headers().get(CONTENT_TYPE);
+        media_type.is_some_and(|name| name.as_bytes() == JSON)
+    };
+    if (response.status().is_client_error() || response.status().is_server_error())
+        && !is_json(&response)
+    {
+        response = in_words(response).await;
+    }
     let headers = response.headers_mut();
     for (name, value) in HEADERS {
         // A report's page has a stricter policy of its own.
         headers.entry(name).or_insert(value);
     }
     response
+}
+
+/// The media type of a refusal.
+const JSON: &[u8] = b"application/json";
+
+/// A refusal of the server's own, for its method, path or form, as all others are.
+async fn in_words(refusal: Response) -> Response {
+    let (parts, said) = refusal.into_parts();
+    let said = to_bytes(said, SMALL).await.unwrap_or_default();
+    let reason = match parts.status {
+        StatusCode::METHOD_NOT_ALLOWED => "this is asked for by another method".into(),
+        status if said.is_empty() => status.to_string().into(),
+        _ => String::from_utf8_lossy(&said),
+    };
+    let mut told = Refused::new(parts.status, reason).into_response();
+    if let Some(allowed) = parts.headers.get(ALLOW) {
+        told.headers_mut().insert(ALLOW, allowed.clone());
+    }
+    told
 }
 
 /// The query of a request. One that makes no sense is refused in words, as all else is.
