@@ -1198,6 +1198,16 @@ fn plans_on_the_way_are_held_against_the_best_of_all() {
         0.25 + 0.75 * (1.0 - 100.0 / 104.0),
     );
     near(of("never").primal_integral, 1.0);
+    // By its clock the second plan came a moment after the end, and counts there.
+    let late = Row {
+        budget_ms: 1000.0,
+        soc_steps: Some(100),
+        incumbents: vec![plan(200.0, 125), plan(1001.0, 100)],
+        planning_time_ms: 1001.0,
+        ..row("late", 0, Some(1001.0))
+    };
+    let late = Evaluation::of(&Trials::new(&[late]), Order::Text).anytime;
+    near(late[0].primal_integral, 0.2 + 0.8 * 0.2);
     let per_cent = |shares: &[f64]| -> Vec<u64> {
         shares.iter().map(|share| (100.0 * share) as u64).collect()
     };
