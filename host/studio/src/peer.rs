@@ -1,8 +1,8 @@
 //! The user at the other end of a connection on this machine.
 //!
-//! What a browser is started with is for every user of the machine to read, the address with the ticket
-//! included. So whoever comes from this machine has to be the user of the studio, or root: the kernel
-//! lists in `/proc/net` whose each socket is (proc_pid_net(5)).
+//! Every user of the machine can read the command line of a browser, and with it the address with the
+//! ticket. So a connection from this machine has to belong to the user of the studio, or to root: the
+//! kernel lists the owner of each socket in `/proc/net` (proc_pid_net(5)).
 
 use std::fs;
 use std::net::{IpAddr, SocketAddr};

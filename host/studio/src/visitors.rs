@@ -147,14 +147,18 @@ pub(crate) struct Connection {
 }
 
 impl Connection {
-    /// True for a stranger who was sent away or has had the time there is; else wakes when it may be so.
-    fn is_over(&mut self, context: &mut Context<'_>) -> bool {
+    /// Fails for a stranger who was sent away or has had the time there is; else wakes when it may be so.
+    fn stays(&mut self, context: &mut Context<'_>) -> io::Result<()> {
         if self.visitor.is_in.load(Ordering::Relaxed) {
-            return false;
+            return Ok(());
         }
         self.visitor.waiting.register(context.waker());
-        self.visitor.is_sent_away.load(Ordering::Relaxed)
-            || self.patience.as_mut().poll(context).is_ready()
+        let is_over = self.visitor.is_sent_away.load(Ordering::Relaxed)
+            || self.patience.as_mut().poll(context).is_ready();
+        if is_over {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        Ok(())
     }
 }
 
@@ -165,9 +169,7 @@ impl AsyncRead for Connection {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let this = self.get_mut();
-        if this.is_over(context) {
-            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
-        }
+        this.stays(context)?;
         Pin::new(&mut this.stream).poll_read(context, buffer)
     }
 }
@@ -179,9 +181,7 @@ impl AsyncWrite for Connection {
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let this = self.get_mut();
-        if this.is_over(context) {
-            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
-        }
+        this.stays(context)?;
         Pin::new(&mut this.stream).poll_write(context, bytes)
     }
 
@@ -191,9 +191,7 @@ impl AsyncWrite for Connection {
         parts: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let this = self.get_mut();
-        if this.is_over(context) {
-            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
-        }
+        this.stays(context)?;
         Pin::new(&mut this.stream).poll_write_vectored(context, parts)
     }
 
