@@ -267,7 +267,7 @@ columns! {
     prepare_time_ms: Option<f64>,
     /// Start, learning the map and the call together, so far as they were made for this trial.
     total_time_ms: Option<f64>,
-    /// From the start of the call to the first plan, by the host's clock.
+    /// From the start of the call to the first valid plan, by the host's clock.
     first_solution_ms: Option<f64>,
     /// Sum over agents of the last arrival at the goal.
     soc_steps: Option<u64>,
