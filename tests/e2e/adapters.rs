@@ -586,12 +586,22 @@ fn a_manifest_that_cannot_be_used_says_why() {
     );
     let elsewhere = text.replace(
         "\"./solver.py\"",
-        "\"no-such-solver\"\nvariable = \"NO_SOLVER\"",
+        "\"no-such-solver\"\nvariable = \"TEST_SOLVER\"",
     );
     refused(
         &elsewhere,
         "planner.toml:11:11: the program `no-such-solver` is not on PATH",
-        "NO_SOLVER may name the program",
+        "TEST_SOLVER may name the program",
+    );
+    // What else is in the environment is no solver's business.
+    let curious = text.replace(
+        "\"./solver.py\"",
+        "\"./solver.py\"\nvariable = \"AWS_SECRET_ACCESS_KEY\"",
+    );
+    refused(
+        &curious,
+        "`AWS_SECRET_ACCESS_KEY` is no variable of `test-solver`",
+        "call it TEST_SOLVER, or something that begins with TEST_SOLVER_",
     );
     let wrong = text.replace("{map}", "{mapp}");
     refused(

@@ -578,6 +578,137 @@ fn who_does_not_keep_to_a_seed_is_named() {
     assert!(none.stderr.contains("no trial of this state"), "{none}");
 }
 
+/// A planner is known by all that it may read, so far as it is not the system's.
+#[test]
+fn a_planner_is_all_that_is_in_its_folder() {
+    let yard = Yard::new();
+    let text = moody(&yard, "[[planner]]\nplugin = \"./moody.py\"\n", "");
+    let lib = yard.path("lib");
+    for folder in [&lib, &yard.path("own")] {
+        fs::create_dir(folder).unwrap();
+    }
+    yard.write("lib/elsewhere.txt", "1");
+    fs::rename(yard.path("moody.py"), yard.path("own/moody.py")).unwrap();
+    let read = format!("read = [\"{}\", ", lib.display());
+    yard.write(
+        "own/s.toml",
+        text.replace("[1, 2, 3]", "[1]").replace("read = [", &read),
+    );
+    let code = String::from_utf8(yard.read("own/moody.py")).unwrap();
+    yard.write(
+        "own/moody.py",
+        code.replace("import fleetyard\n", "import fleetyard, helper\n"),
+    );
+    yard.write("own/helper.py", "STEPS = 1\n");
+    let bench = |more: &str| {
+        let line = format!("bench own/s.toml --store own/s.sqlite --format json {more}");
+        yard.line(&line).expect(SUCCESS).json()
+    };
+    assert_eq!(bench("")["made"], 1);
+    assert_eq!(bench("--resume")["made"], 0);
+    // What a run itself leaves, and what Python does, is no part of a planner.
+    fs::create_dir(yard.path("own/__pycache__")).unwrap();
+    yard.write("own/__pycache__/helper.cpython-311.pyc", "compiled");
+    fs::copy(yard.path("own/s.sqlite"), yard.path("own/other.sqlite")).unwrap();
+    fs::copy(yard.path("own/s.toml"), yard.path("own/other.toml")).unwrap();
+    assert_eq!(bench("--resume")["made"], 0);
+    for changed in ["own/helper.py", "own/data/weights.bin", "lib/elsewhere.txt"] {
+        fs::create_dir_all(yard.path("own/data")).unwrap();
+        yard.write(changed, "STEPS = 2\n");
+        let verified = yard.line("bench own/s.toml --store own/s.sqlite --verify");
+        let name = if changed.starts_with("lib") {
+            "lib is"
+        } else {
+            changed
+        };
+        let verified = verified.expect(INPUT);
+        assert!(verified.stderr.contains(name), "{changed}: {verified}");
+        assert_eq!(bench("--resume")["made"], 1, "{changed}");
+        assert_eq!(bench("--resume")["made"], 0, "{changed}");
+    }
+    let info = yard
+        .line("plugins info ./own/moody.py")
+        .expect(SUCCESS)
+        .stdout;
+    for name in ["own/moody.py", "own/helper.py", "own/data/weights.bin"] {
+        assert!(
+            info.lines()
+                .any(|line| line.starts_with("code: ") && line.ends_with(name)),
+            "{info}"
+        );
+    }
+    for line in info.lines().filter(|line| line.starts_with("code: ")) {
+        let is_no_part = |name| line.contains(name);
+        assert!(
+            !["sqlite", "toml", "pycache"].iter().any(is_no_part),
+            "{info}"
+        );
+    }
+}
+
+/// A device is of use to those alone to whom it was granted, and the record says so.
+#[test]
+fn a_device_is_used_by_those_who_were_granted_it() {
+    let yard = Yard::new();
+    let line = "plugins check pibt --only one-cell --allow-device nope";
+    let none = yard.line(line).expect(INPUT);
+    assert!(none.stderr.contains("or the path of a device"), "{none}");
+    let folder = yard.path("own");
+    fs::create_dir(&folder).unwrap();
+    let node = folder.join("node");
+    // The same numbers as /dev/zero, under a name of which nobody knows.
+    let made = Command::new("mknod")
+        .args(["-m", "666"])
+        .arg(&node)
+        .args(["c", "1", "5"])
+        .output();
+    let works = || fs::File::open(&node).and_then(|mut file| file.read(&mut [1]));
+    if !made.is_ok_and(|made| made.status.success()) || !works().is_ok_and(|read| read == 1) {
+        eprintln!("skipped: this user can make no device that works");
+        return;
+    }
+    let text = moody(&yard, "[[planner]]\nplugin = \"./own/moody.py\"\n", "");
+    let code = String::from_utf8(yard.read("moody.py")).unwrap();
+    let uses = format!(
+        "    def plan(self, instance, budget, context):\n        \
+         device = os.open(\"{}\", os.O_RDWR)\n        \
+         assert os.read(device, 2) == bytes(2) and os.write(device, b\"x\") == 1\n",
+        node.display()
+    );
+    let code = code.replace("    def plan(self, instance, budget, context):\n", &uses);
+    yard.write("own/moody.py", code);
+    yard.write("s.toml", text.replace("[1, 2, 3]", "[1]"));
+    yard.line("bench s.toml").expect(SUCCESS);
+    let row = rows(&yard.path("small.sqlite")).remove(0);
+    assert!(
+        row.fault.is_some() && row.devices.is_none(),
+        "{:?}",
+        row.fault
+    );
+    for (store, level) in [
+        ("auto.sqlite", ""),
+        ("strict.sqlite", "level = \"strict\"\n"),
+    ] {
+        let granted = format!("[sandbox]\ndevices = [\"{}\"]\n{level}", node.display());
+        let text = String::from_utf8(yard.read("s.toml")).unwrap();
+        yard.write("g.toml", text.replace("[sandbox]\n", &granted));
+        let ended = yard.line(&format!("bench g.toml --store {store}"));
+        if ended.code != Some(SUCCESS) {
+            // Not every machine grants all layers.
+            assert!(
+                !level.is_empty() && ended.stderr.contains("strict"),
+                "{ended}"
+            );
+            continue;
+        }
+        let row = rows(&yard.path(store)).remove(0);
+        assert_eq!((row.fault.as_deref(), row.valid), (None, true), "{level}");
+        assert_eq!(row.devices.as_deref(), node.to_str());
+        let report = yard.line(&format!("report {store}")).expect(SUCCESS).stdout;
+        assert!(report.contains("planners were granted devices"), "{report}");
+    }
+}
+
 /// Runs a script as root of a mount namespace of its own; what stands in the way, if it cannot be.
 fn with_mounts(yard: &Yard, script: &str) -> Result<(i32, String), String> {
     let probe = Command::new("unshare")

@@ -653,6 +653,7 @@ impl Row {
         self.ranked = record.planner.ranked;
         self.unranked.clone_from(&record.planner.unranked);
         self.limits_watched = record::watched(record.sandbox.as_ref());
+        self.devices = record::devices(record.sandbox.as_ref());
         self.limit_exceeded = record.limit.map(|limit| limit.to_string());
         self.claim = record.claim.map(|claim| claim.to_string());
         self.message.clone_from(&record.message);

@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 
 use crate::error::BenchError;
 use crate::plugin::{GivenOptions, Plugin};
-use crate::record::{unranked, watched};
+use crate::record::{devices, unranked, watched};
 use crate::row::Row;
 use crate::suite::{Clock, FleetPlugin, FleetSetup};
 use crate::trial_error::TrialError;
@@ -268,6 +268,7 @@ impl Drive {
             row.success = false;
         }
         row.limits_watched = watched(self.sandbox.as_ref());
+        row.devices = devices(self.sandbox.as_ref());
         row.clock = Some(Clock::Host.name().to_owned());
         row.found_contended(&self.contended);
         let times = &metrics.planner_time_ms;

@@ -8,8 +8,8 @@ use fleetyard_check::PathRule;
 use fleetyard_core::Digest;
 use fleetyard_fleet::{Module, ModuleInfo};
 use fleetyard_runtime::{
-    Attach, CallReport, Closing, CodeFile, Fault, Found, Origin, PluginFile, Runtime, Session,
-    Standing, check_options, parse_option, plugin_name,
+    Attach, CallReport, Closing, CodeFile, Fault, Found, Identity, Origin, PluginFile, Runtime,
+    Session, Standing, check_options, parse_option, plugin_name,
 };
 use serde_json::{Map, Value};
 
@@ -23,8 +23,9 @@ pub struct Plugin {
     kind: Kind,
     file: PluginFile,
     id: Option<String>,
-    digest: Digest,
-    code: Vec<CodeFile>,
+    identity: Identity,
+    /// The part of it that is looked at before every trial.
+    own: Vec<CodeFile>,
     standing: Standing,
     attach: Attach,
     options: GivenOptions,
@@ -73,8 +74,8 @@ impl Plugin {
             (Origin::Path, Some(name)) => name,
             _ => name.to_owned(),
         };
-        let digest = file.digest()?;
-        let code = file.code()?;
+        let identity = runtime.identity(&file)?;
+        let own = file.own_code(&runtime.limits().policy.hidden)?;
         let standing = runtime.limits().trust.standing(&file);
         Ok(Self {
             name,
@@ -83,8 +84,8 @@ impl Plugin {
             options: GivenOptions::default(),
             file,
             id,
-            digest,
-            code,
+            identity,
+            own,
             standing,
         })
     }
@@ -121,12 +122,12 @@ impl Plugin {
 
     /// Digest of its code; of this program, for built-ins.
     pub fn digest(&self) -> Digest {
-        self.digest
+        self.identity.digest
     }
 
-    /// Its files with their SHA-256; none for built-ins.
+    /// All that decides what it does, with its SHA-256; none for built-ins.
     pub fn code(&self) -> &[CodeFile] {
-        &self.code
+        &self.identity.code
     }
 
     /// Path of its code; `None` for built-ins.
@@ -148,10 +149,16 @@ impl Plugin {
     pub fn start(&self, runtime: &Runtime) -> Result<Running, TrialError> {
         let mut session = runtime.open(&self.file, self.attach)?;
         // What the record says of the code has to be true of every trial.
-        if self.file.code()? != self.code {
+        let own = self.file.own_code(&runtime.limits().policy.hidden)?;
+        if own != self.own {
             session.close();
+            let changed = own.iter().chain(&self.own);
+            let changed = changed
+                .filter(|file| !(own.contains(file) && self.own.contains(file)))
+                .map(|file| file.path.clone());
             return Err(TrialError::CodeChanged {
                 name: self.name.clone(),
+                file: changed.min(),
             });
         }
         let descriptor = self.choose(session.descriptors())?;
@@ -181,7 +188,7 @@ impl Plugin {
             id: id.clone(),
             version: descriptor.version,
             attach: attach.name().to_owned(),
-            digest: Some(self.digest),
+            digest: Some(self.identity.digest),
             options: options.clone(),
             memory: fleetyard_fleet::memory_of(&descriptor.features),
         };

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetyard_abi::Status;
 use fleetyard_check::{PathRule, Verdict, Violation};
-use fleetyard_core::{Digest, Words as _};
+use fleetyard_core::{Digest, Words as _, one_line};
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{
     Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source,
@@ -383,6 +383,13 @@ pub(crate) fn watched(sandbox: Option<&SandboxReport>) -> Option<String> {
     (!watched.is_empty()).then(|| watched.join(", "))
 }
 
+/// The devices that a plugin was granted.
+pub(crate) fn devices(sandbox: Option<&SandboxReport>) -> Option<String> {
+    let devices = sandbox.map_or(&[][..], |sandbox| &sandbox.devices).iter();
+    let devices: Vec<String> = devices.map(|path| path.display().to_string()).collect();
+    (!devices.is_empty()).then(|| devices.join(", "))
+}
+
 /// The layers that were active and the limits that were only watched, in one line.
 fn sandbox_line(sandbox: &SandboxReport) -> String {
     if sandbox.level == Level::None {
@@ -401,6 +408,12 @@ fn sandbox_line(sandbox: &SandboxReport) -> String {
     }
     if let Some(limits) = watched(Some(sandbox)) {
         let _ = write!(text, "; limits watched, not enforced: {limits}");
+    }
+    if let Some(devices) = devices(Some(sandbox)) {
+        let _ = write!(
+            text,
+            "; devices granted, their time and memory not counted: {devices}"
+        );
     }
     text
 }
@@ -477,7 +490,7 @@ impl Record {
         let mut out = String::new();
         let mut line = |name: &str, value: String| {
             // Writing to a string cannot fail.
-            let _ = writeln!(out, "{name:<18}{value}");
+            let _ = writeln!(out, "{name:<18}{}", one_line(&value));
         };
         let attach = match self.planner.attach {
             Attach::InProcess => "in the host's process",

@@ -175,6 +175,8 @@ columns! {
     unranked: Option<String>,
     /// Limits that were only watched, not enforced.
     limits_watched: Option<String>,
+    /// Devices that the planner was granted, whose time and memory are not counted.
+    devices: Option<String>,
     /// True if the planner is a part of the host, so that its figures may rank it.
     built_in: Option<bool>,
     /// Digest of the instance.

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use fleetyard_core::{Digest, InputError, open_regular};
+use fleetyard_core::{Digest, InputError, SQLITE_MAGIC, STORE_MARK, open_regular};
 use fleetyard_runtime::CodeFile;
 use rusqlite::limits::Limit;
 use rusqlite::types::{ToSqlOutput, ValueRef};
@@ -35,7 +35,7 @@ use crate::places::Places;
 use crate::row::{COLUMNS, Column, ColumnType, Incumbent, Row, Value};
 
 /// Says in the header of the file whose it is: `FlYd`.
-const APPLICATION_ID: i32 = i32::from_be_bytes(*b"FlYd");
+const APPLICATION_ID: i32 = i32::from_be_bytes(STORE_MARK);
 
 /// Version of the tables. Columns that are added do not change it.
 const VERSION: i32 = 1;
@@ -1039,7 +1039,6 @@ fn remove(path: &Path) -> Result<()> {
 
 /// True if the file's header says that it is a store that this program knows.
 fn identify(path: &Path) -> Result<()> {
-    const MAGIC: &[u8] = b"SQLite format 3\0";
     if matches!(fs::metadata(path), Err(error) if error.kind() == io::ErrorKind::NotFound) {
         return Err(InputError::new(shown(path), "there is no such store")
             .hint("`fleetyard bench SUITE.toml` makes one"));
@@ -1049,10 +1048,10 @@ fn identify(path: &Path) -> Result<()> {
     file.take(100)
         .read_to_end(&mut header)
         .map_err(|error| InputError::new(shown(path), format!("cannot read: {error}")))?;
-    if header.len() < 100 || !header.starts_with(MAGIC) {
+    if header.len() < 100 || !header.starts_with(SQLITE_MAGIC) {
         let reason = match header.len() {
             0 => "the file is empty, and no store",
-            _ if header.starts_with(MAGIC) => "the file ends within its header",
+            _ if header.starts_with(SQLITE_MAGIC) => "the file ends within its header",
             _ => "the file is no SQLite database",
         };
         return Err(InputError::new(shown(path), reason)

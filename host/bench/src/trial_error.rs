@@ -1,6 +1,7 @@
 //! Reasons why a trial could not be made, as opposed to how it went.
 
 use std::fmt;
+use std::path::{Path, PathBuf};
 
 use fleetyard_abi::{Capability, Kind};
 use fleetyard_core::InputError;
@@ -9,6 +10,11 @@ use fleetyard_runtime::{Able, Fault, OptionError, Termination, plural};
 use fleetyard_sim::SimError;
 
 use crate::options::RobotsError;
+
+/// In words after a reason: the file that it is about.
+fn named(file: Option<&Path>) -> String {
+    file.map_or_else(String::new, |file| format!(", by {}", file.display()))
+}
 
 /// The reason why a trial could not be made. Faults of a planner once it is asked are a part of its
 /// record.
@@ -59,10 +65,12 @@ pub enum TrialError {
         ids: Vec<String>,
     },
     /// A plugin is no longer what it was when the command began.
-    #[error("{name}: its code was changed meanwhile")]
+    #[error("{name}: its code was changed meanwhile{}", named(file.as_deref()))]
     CodeChanged {
         /// The plugin's name.
         name: String,
+        /// A file that is new, gone or another one.
+        file: Option<PathBuf>,
     },
     /// A planner does not do what the instance needs.
     #[error("planner `{planner}` {missing}")]
@@ -160,7 +168,10 @@ impl TrialError {
             Self::SeveralPlugins { .. } => Some("write PATH:ID to choose one of them".to_owned()),
             Self::NoPlugin { ids, .. } if ids.is_empty() => None,
             Self::NoPlugin { ids, .. } => Some(format!("it has {}", ids.join(", "))),
-            Self::CodeChanged { .. } => Some("run the command again".to_owned()),
+            Self::CodeChanged { .. } => Some(
+                "all in a plugin's own folder is its code: keep results elsewhere, and run the command again"
+                    .to_owned(),
+            ),
             Self::Incapable {
                 missing:
                     Missing::Capability {

@@ -412,6 +412,10 @@ pub(crate) struct GrantArgs {
     /// Let the plugin read a file or folder; may be given several times
     #[arg(long, help_heading = LIMITS, value_name = "PATH")]
     pub(crate) allow_read: Vec<PathBuf>,
+    /// Let the plugin use a device: `nvidia`, `dri` or `amd` for all of a driver's, or a path; may be given
+    /// several times
+    #[arg(long, help_heading = LIMITS, value_name = "DEVICE")]
+    pub(crate) allow_device: Vec<String>,
     /// Let the plugin use the network
     #[arg(long, help_heading = LIMITS)]
     pub(crate) allow_network: bool,

@@ -7,7 +7,7 @@ use std::time::Duration;
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use fleetyard_bench::Left;
-use fleetyard_core::is_unseen;
+use fleetyard_core::{is_unseen, one_line};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
@@ -100,7 +100,7 @@ pub(crate) fn warning(text: &str) {
 /// Appends a line of a label and a value, below those of other lines.
 pub(crate) fn labelled(text: &mut String, label: &str, value: impl Display) {
     // Writing to a string cannot fail.
-    let _ = writeln!(text, "{label:<17} {value}");
+    let _ = writeln!(text, "{label:<17} {}", one_line(&value.to_string()));
 }
 
 /// A plain table: readable without colour and easy to cut apart. Columns whose
@@ -108,7 +108,11 @@ pub(crate) fn labelled(text: &mut String, label: &str, value: impl Display) {
 pub(crate) fn table(header: &[&str], rows: Vec<Vec<String>>, numbers: &[usize]) -> String {
     let mut table = Table::new();
     table.load_style(NOTHING).set_header(header.to_vec());
-    table.add_rows(rows);
+    let one_lined = |row: Vec<String>| row.into_iter().map(|cell| one_line(&cell).into_owned());
+    table.add_rows(
+        rows.into_iter()
+            .map(|row| one_lined(row).collect::<Vec<_>>()),
+    );
     for (index, column) in table.column_iter_mut().enumerate() {
         column.set_padding((0, 2));
         if numbers.contains(&index) {

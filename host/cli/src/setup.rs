@@ -11,7 +11,8 @@ use fleetyard_check::PathRule;
 use fleetyard_core::{Grid, InputError, Scenario, find_map, read_file};
 use fleetyard_runtime::{
     Attach, Discovery, Fault, Found, LOCK_FILE, Limits, Lock, PluginFile, Policy, Runtime,
-    Standing, Trust, sandbox::out_of_reach,
+    Standing, Trust,
+    sandbox::{devices, out_of_reach},
 };
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::{Fleet, SimConfig};
@@ -105,8 +106,17 @@ pub(crate) fn policy(grants: &GrantArgs, hidden: Vec<PathBuf>) -> Result<Policy>
             output::warning(&format!("--env {name}: {} {reason}", folder.display()));
         }
     }
+    let mut granted = Vec::new();
+    for name in &grants.allow_device {
+        let found = devices(name, grants.sandbox);
+        granted.extend(found.map_err(|fault| Failure {
+            exit: Exit::Input,
+            ..Failure::from(fault)
+        })?);
+    }
     Ok(Policy {
         level: grants.sandbox,
+        devices: granted,
         read: grants.allow_read.clone(),
         hidden,
         network: grants.allow_network,

@@ -2,6 +2,8 @@
 
 use std::fmt::{self, Write as _};
 
+use crate::files::one_line;
+
 /// Something read from outside (a file, an argument, a plugin's answer) is not
 /// what it must be.
 ///
@@ -76,7 +78,7 @@ impl InputError {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.source)?;
+        f.write_str(&one_line(&self.source))?;
         if let Some(line) = self.line {
             write!(f, ":{line}")?;
             if let Some(column) = self.column {

@@ -1,6 +1,7 @@
 //! Whole files in and out: bounded reading with helpful errors, and writing
 //! that never leaves half a file behind.
 
+use std::borrow::Cow;
 use std::fs::{self, File, FileType, TryLockError};
 use std::io::{self, Read, Write};
 use std::os::fd::AsRawFd;
@@ -13,6 +14,12 @@ use crate::InputError;
 
 /// Descriptors that a shell hands over by name: standard input, and process substitution.
 const HANDED_OVER: [&str; 3] = ["/dev/stdin", "/dev/fd", "/proc/self/fd"];
+
+/// The application id of this program's stores, in the header of their SQLite files.
+pub const STORE_MARK: [u8; 4] = *b"FlYd";
+
+/// The first bytes of every SQLite file.
+pub const SQLITE_MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// Opens a file to be read, and nothing that somebody else may keep waiting: pipes and
 /// devices are refused, but for those that a shell hands over (`/dev/stdin`, `<(…)`).
@@ -512,6 +519,23 @@ pub fn is_unseen(c: char) -> bool {
             && UNSEEN
                 .iter()
                 .any(|(first, last)| (*first..=*last).contains(&c))
+}
+
+/// Text from outside, the name of a file among it, as a part of one line: what would end the line or is not
+/// seen is escaped.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_unseen) {
+        return Cow::Borrowed(text);
+    }
+    let mut line = String::with_capacity(text.len());
+    for letter in text.chars() {
+        if is_unseen(letter) {
+            line.extend(letter.escape_default());
+        } else {
+            line.push(letter);
+        }
+    }
+    Cow::Owned(line)
 }
 
 /// Text from outside for a message: escaped, and cut when it is long.

@@ -40,8 +40,8 @@ pub use annotation_file::{
 pub use digest::{Digest, Hasher};
 pub use error::{InputError, nearest, short_numbers};
 pub use files::{
-    create_output, is_unseen, load_file, missing_hint, open_input, open_regular, read_file, shown,
-    unmarked, write_all_atomically, write_atomically,
+    SQLITE_MAGIC, STORE_MARK, create_output, is_unseen, load_file, missing_hint, one_line,
+    open_input, open_regular, read_file, shown, unmarked, write_all_atomically, write_atomically,
 };
 pub use frame::{cell_center_m, cell_of_point};
 pub use grid::{

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs::{self, Metadata};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -18,14 +18,25 @@ use crate::confinement::sandbox::{Hidden, aside, own};
 use crate::sessions::adapter::Adapter;
 use crate::{Fault, PluginFile};
 
-/// A file of a plugin's code.
+/// A file of a plugin's code, or a place outside of its own folder that it may read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeFile {
     /// Its path.
     pub path: PathBuf,
-    /// The SHA-256 of its content, in hexadecimal digits as `sha256sum` prints it.
+    /// The SHA-256 of its content, in hexadecimal digits as `sha256sum` prints it; of a folder, of the
+    /// names and digests of all files in it.
     pub sha256: String,
+}
+
+/// All that decides what a plugin does, besides the system's files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// Stands for all of `code`, wherever it lies; for the built-ins, for this program.
+    pub digest: Digest,
+    /// The files that are started, the others of the plugin's own folder, and the places outside of it
+    /// that the plugin may read; empty for the built-ins.
+    pub code: Vec<CodeFile>,
 }
 
 /// A state of a file: while it is the same, so is what is in the file.
@@ -51,6 +62,11 @@ impl Stamp {
                 ns(meta.ctime(), meta.ctime_nsec()),
             ],
         }
+    }
+
+    /// The parts that are the same for a copy that keeps its times: bytes, and time of change.
+    fn seen(&self) -> (u64, i128) {
+        (self.bytes, self.times_ns[0])
     }
 
     /// True if the file had rested when it was looked at: within the resolution of its
@@ -100,6 +116,48 @@ impl CodeFile {
         Ok(digest)
     }
 
+    /// The digest of a file or of where a link leads.
+    fn of_entry(path: PathBuf) -> Result<Self, Fault> {
+        let link = path.symlink_metadata().is_ok_and(|meta| meta.is_symlink());
+        if link {
+            Self::of_link(path)
+        } else {
+            Self::read(path)
+        }
+    }
+
+    /// The digest of a place that is not a plugin's own: of the names and contents of its files if somebody
+    /// names it, and of an installation, where contents follow from versions, of names and sizes. A place
+    /// of very much has times of change for contents, of its first files. A file that is closed to the
+    /// host's user is closed to the plugin, and stands by its name.
+    fn of_place(path: PathBuf, is_named: bool, hidden: &[PathBuf]) -> Result<Self, Fault> {
+        let meta = fs::metadata(&path).map_err(|error| Fault::file(&path, error))?;
+        if !meta.is_dir() {
+            return Self::read(path);
+        }
+        let hidden = Hidden::new(hidden, &[], &[]);
+        let real = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
+        let mut walk = Walk::elsewhere();
+        let is_whole = walk.enter(&real, &real, &hidden)?;
+        let mut hasher = Sha256::new();
+        for file in &walk.files {
+            let known = if is_named && is_whole {
+                Self::of_entry(file.clone()).map_or_else(|_| "closed".into(), |file| file.sha256)
+            } else {
+                let meta = file.symlink_metadata();
+                let (bytes, time_ns) = meta.map_or((0, 0), |meta| Stamp::of(&meta).seen());
+                format!("{bytes} {}", if is_named { time_ns } else { 0 })
+            };
+            let name = file.strip_prefix(&real).unwrap_or(file).as_os_str();
+            for part in [name.as_bytes(), known.as_bytes()] {
+                hasher.update((part.len() as u64).to_le_bytes());
+                hasher.update(part);
+            }
+        }
+        let sha256 = hexadecimal(hasher);
+        Ok(Self { path, sha256 })
+    }
+
     /// The digest of where a link leads, which stands for it.
     fn of_link(path: PathBuf) -> Result<Self, Fault> {
         let target = fs::read_link(&path).map_err(|error| Fault::file(&path, error))?;
@@ -119,23 +177,67 @@ fn hexadecimal(hasher: Sha256) -> String {
     text
 }
 
+/// True of a file in which Python keeps what it compiled: it comes and goes with runs by hand.
+fn is_cache(path: &Path) -> bool {
+    path.iter().any(|part| part == "__pycache__")
+}
+
 impl PluginFile {
-    /// Stands for the content of the code; of the built-ins, for this program. It
-    /// identifies, and is no defence: [`code`](Self::code) is.
-    pub fn digest(&self) -> Result<Digest, Fault> {
+    /// The identity of a plugin: everything in [`whole`](Self::whole) but what Python compiled, and
+    /// every place `elsewhere` that it may read, with true for those that somebody names. It identifies,
+    /// and is no defence: a lock is.
+    ///
+    /// Fails where a file of the plugin's cannot be read.
+    pub(crate) fn identity(
+        &self,
+        hidden: &[PathBuf],
+        elsewhere: Vec<(PathBuf, bool)>,
+    ) -> Result<Identity, Fault> {
         // This program does not change while it runs, and is large.
         static BUILT_IN: OnceLock<Digest> = OnceLock::new();
-        if *self != Self::BuiltIn {
-            return self.read_digest(Fault::file);
+        if *self == Self::BuiltIn {
+            let digest = if let Some(known) = BUILT_IN.get() {
+                *known
+            } else {
+                let failed = |_: &Path, error| Fault::host("reading this program", error);
+                let read = self.started(failed)?.finish();
+                *BUILT_IN.get_or_init(|| read)
+            };
+            let code = Vec::new();
+            return Ok(Identity { digest, code });
         }
-        if let Some(known) = BUILT_IN.get() {
-            return Ok(*known);
+        let mut hasher = self.started(Fault::file)?;
+        let started = self.code_paths()?.len();
+        let code = self.own_code(hidden)?;
+        let base = self.path().and_then(Path::parent).unwrap_or(Path::new(""));
+        for file in code.iter().skip(started) {
+            // The same folder is the same planner wherever it lies.
+            let name = file.path.strip_prefix(base).unwrap_or(&file.path);
+            hasher.bytes(name.as_os_str().as_bytes());
+            hasher.bytes(file.sha256.as_bytes());
         }
-        let read = self.read_digest(|_, error| Fault::host("reading this program", error))?;
-        Ok(*BUILT_IN.get_or_init(|| read))
+        let elsewhere: Vec<CodeFile> = elsewhere
+            .into_iter()
+            .filter(|(path, _)| !code.iter().any(|file| file.path == *path))
+            .map(|(path, is_named)| CodeFile::of_place(path, is_named, hidden))
+            .collect::<Result<_, _>>()?;
+        for place in &elsewhere {
+            hasher.bytes(place.sha256.as_bytes());
+        }
+        let digest = hasher.finish();
+        let code = code.into_iter().chain(elsewhere).collect();
+        Ok(Identity { digest, code })
     }
 
-    fn read_digest(&self, failed: impl Fn(&Path, String) -> Fault) -> Result<Digest, Fault> {
+    /// The part of the identity that is the plugin's own: cheap to look at again.
+    pub fn own_code(&self, hidden: &[PathBuf]) -> Result<Vec<CodeFile>, Fault> {
+        let mut code = self.whole(hidden)?;
+        code.retain(|file| !is_cache(&file.path));
+        Ok(code)
+    }
+
+    /// The content of what is started.
+    fn started(&self, failed: impl Fn(&Path, String) -> Fault) -> Result<Hasher, Fault> {
         let mut hasher = Hasher::new("fleetyard plugin");
         for path in self.code_paths()? {
             let file = open_regular(&path).map_err(|error| failed(&path, error.reason))?;
@@ -143,7 +245,7 @@ impl PluginFile {
                 .and_then(|meta| hasher.bytes_of(&file, meta.len()))
                 .map_err(|error| failed(&path, error.to_string()))?;
         }
-        Ok(hasher.finish())
+        Ok(hasher)
     }
 
     /// Every file that is started as the plugin, and what is in it: a library, a program or
@@ -173,7 +275,7 @@ impl PluginFile {
         let mut places = own(file);
         // The name that the file goes by is that of its neighbours.
         places.sort_by_key(|place| !file.starts_with(place));
-        let mut walk = Walk::default();
+        let mut walk = Walk::own();
         let mut walked = BTreeSet::new();
         for place in places {
             let real = fs::canonicalize(&place).unwrap_or_else(|_| place.clone());
@@ -183,12 +285,7 @@ impl PluginFile {
             }
         }
         for path in walk.files.into_iter().filter(|path| !needed.contains(path)) {
-            let link = path.symlink_metadata().is_ok_and(|meta| meta.is_symlink());
-            code.push(if link {
-                CodeFile::of_link(path)?
-            } else {
-                CodeFile::read(path)?
-            });
+            code.push(CodeFile::of_entry(path)?);
         }
         Ok(code)
     }
@@ -203,50 +300,83 @@ impl PluginFile {
     }
 }
 
-/// The files of a plugin's own folder while they are being found, in order.
-#[derive(Default)]
+/// The files of a folder while they are being found, in order.
 struct Walk {
     files: BTreeSet<PathBuf>,
     bytes: u64,
+    most_files: usize,
+    most_bytes: u64,
+    /// True if more than that is a fault, and not a place that is known by less.
+    refuses: bool,
 }
 
 impl Walk {
-    /// Most files and bytes that are a plugin's own.
-    const MOST_FILES: usize = 50_000;
-    const MOST_BYTES: u64 = 8 << 30;
+    /// In a plugin's own folder.
+    fn own() -> Self {
+        Self {
+            files: BTreeSet::new(),
+            bytes: 0,
+            most_files: 50_000,
+            most_bytes: 8 << 30,
+            refuses: true,
+        }
+    }
 
-    /// Takes in what is at `path`, which without links is `real`.
-    fn enter(&mut self, path: &Path, real: &Path, hidden: &Hidden) -> Result<(), Fault> {
+    /// In a folder that is not a plugin's own, as the installation of an interpreter.
+    fn elsewhere() -> Self {
+        Self {
+            most_bytes: 1 << 30,
+            refuses: false,
+            ..Self::own()
+        }
+    }
+
+    /// Takes in what is at `path`, which without links is `real`. False if there is more than the most,
+    /// and the rest was left.
+    fn enter(&mut self, path: &Path, real: &Path, hidden: &Hidden) -> Result<bool, Fault> {
         let failed = |error| Fault::file(path, error);
-        if hidden.has_real(real) {
-            return Ok(());
+        if hidden.has_real(real) || !self.refuses && is_cache(path) {
+            return Ok(true);
         }
         let meta = path.symlink_metadata().map_err(failed)?;
         if meta.is_dir() {
-            let mut entries = fs::read_dir(path).map_err(failed)?;
-            return entries.try_for_each(|entry| {
-                let entry = entry.map_err(failed)?;
-                self.enter(&entry.path(), &real.join(entry.file_name()), hidden)
-            });
+            let entries = match fs::read_dir(path) {
+                Err(error) if !self.refuses && error.kind() == ErrorKind::PermissionDenied => {
+                    return Ok(true);
+                }
+                entries => entries.map_err(failed)?,
+            };
+            let names = entries.map(|entry| entry.map(|entry| entry.file_name()));
+            let mut names: Vec<_> = names.collect::<Result<_, _>>().map_err(failed)?;
+            // Which files are the first ones must not depend on the file system.
+            names.sort();
+            for name in names {
+                let within = self.enter(&path.join(&name), &real.join(&name), hidden)?;
+                if !within && self.files.len() > self.most_files {
+                    return Ok(false);
+                }
+            }
+            return Ok(self.bytes <= self.most_bytes);
         }
         // A pipe or a device has no content of its own.
         if meta.is_file() || meta.is_symlink() {
             self.files.insert(path.to_owned());
             self.bytes += meta.len();
         }
-        if self.files.len() > Self::MOST_FILES || self.bytes > Self::MOST_BYTES {
+        let is_within = self.files.len() <= self.most_files && self.bytes <= self.most_bytes;
+        if !is_within && self.refuses {
             return Err(Fault::Refused {
                 reason: format!(
                     "the folder of the plugin has more than {} files or {} GiB, at {}",
-                    Self::MOST_FILES,
-                    Self::MOST_BYTES >> 30,
+                    self.most_files,
+                    self.most_bytes >> 30,
                     path.display()
                 ),
                 hint: Some(
-                    "pin it in a folder of its own, with what it needs and nothing more".into(),
+                    "put it into a folder of its own, with what it needs and nothing more".into(),
                 ),
             });
         }
-        Ok(())
+        Ok(is_within)
     }
 }

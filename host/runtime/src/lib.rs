@@ -36,7 +36,7 @@ mod usage;
 mod user_folder;
 
 pub use able::{Able, plural};
-pub use code::CodeFile;
+pub use code::{CodeFile, Identity};
 pub use companion::as_companion;
 pub use confinement::promises::BrokenPromise;
 pub use confinement::sandbox;

@@ -70,6 +70,14 @@ pub fn bundle(wanted: &Wanted<'_>) -> Result<Bundled> {
         return Err(InputError::new(place, "there is a file of this name")
             .hint("remove it, or name another one with --out"));
     }
+    let mut hidden = suite.sandbox.policy.hidden.clone();
+    hidden.extend(suite.files()?);
+    hidden.extend([
+        out.clone(),
+        wanted.store.to_owned(),
+        crate::Manifest::path(wanted.store),
+    ]);
+    hidden.extend(wanted.suite.map(Path::to_owned));
     let (instances, sources) = suite.instances_and_sources()?;
     unchanged(&suite, &instances, &rows, &meta, wanted.store)?;
     let mut names = Names::default();
@@ -118,18 +126,24 @@ pub fn bundle(wanted: &Wanted<'_>) -> Result<Bundled> {
     manifest.planners = planners(&suite, &rows, &code, &rewritten, wanted.plugins);
     if wanted.plugins {
         for place in rewritten.planners.values() {
-            add_plugin(place, Some(&code), &mut manifest.left_out, &mut contents)?;
+            add_plugin(
+                place,
+                &hidden,
+                Some(&code),
+                &mut manifest.left_out,
+                &mut contents,
+            )?;
         }
     }
     for place in &rewritten.modules {
         if wanted.plugins {
-            add_plugin(place, None, &mut manifest.left_out, &mut contents)?;
+            add_plugin(place, &hidden, None, &mut manifest.left_out, &mut contents)?;
         }
         manifest.modules.push(BundledModule {
             file: place.name.clone(),
             bundled: wanted.plugins,
             code: plugin(place)?
-                .code()
+                .own_code(&hidden)
                 .map_err(|fault| faulty(place, &fault))?,
         });
     }
@@ -385,16 +399,18 @@ fn faulty(place: &PluginPlace, fault: &Fault) -> InputError {
         .hint("without --plugins a bundle has the digests of plugins and not their files")
 }
 
-/// Takes the files of a plugin: its code, which has to be what the store has recorded, and what
-/// else is in a folder of its own.
+/// Takes the files of a plugin that are its own, which have to be what the store has recorded.
 fn add_plugin(
     place: &PluginPlace,
+    hidden: &[PathBuf],
     recorded: Option<&BTreeMap<String, Vec<CodeFile>>>,
     left_out: &mut Vec<PathBuf>,
     contents: &mut BTreeMap<String, Content>,
 ) -> Result<()> {
     let file = plugin(place)?;
-    let code = file.code().map_err(|fault| faulty(place, &fault))?;
+    let code = file
+        .own_code(hidden)
+        .map_err(|fault| faulty(place, &fault))?;
     if let Some(recorded) = recorded {
         let changed = code.iter().find(|file| {
             let same = |known: &CodeFile| known.sha256 == file.sha256;
@@ -407,8 +423,9 @@ fn add_plugin(
         }
     }
     let base = place.file.parent().unwrap_or(Path::new(""));
-    for one in file.whole(&[]).map_err(|fault| faulty(place, &fault))? {
-        let is_code = code.iter().any(|code| code.path == one.path);
+    let started = file.code().map_err(|fault| faulty(place, &fault))?;
+    for one in code {
+        let is_code = started.iter().any(|code| code.path == one.path);
         let link = (one.path.symlink_metadata()).is_ok_and(|meta| meta.is_symlink());
         let inside = one.path.strip_prefix(base).ok().and_then(Path::to_str);
         let name = inside.map(|inside| format!("{}/{inside}", place.folder));

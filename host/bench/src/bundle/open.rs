@@ -144,6 +144,8 @@ impl Bundle {
             "in the host's own process"
         } else if policy.network {
             "with the network"
+        } else if !policy.devices.is_empty() {
+            "with devices of this machine"
         } else if !policy.read.is_empty() {
             "with files of this machine to read"
         } else {

@@ -82,6 +82,27 @@ fn why(row: &Row) -> String {
     detail.map_or_else(|| reason.clone(), |detail| format!("{reason}: {detail}"))
 }
 
+/// The same values with a `'` before each that a spreadsheet would take for a formula: names and texts of a
+/// planner begin as they like.
+pub fn without_formulas(csv: &[u8]) -> Result<Vec<u8>, ExportError> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .from_reader(csv);
+    let mut writer = writer();
+    for record in reader.records() {
+        let record = record?;
+        writer.write_record(record.iter().map(|field| {
+            let is_formula = field.starts_with(['=', '+', '-', '@', '\t', '\r', '\n']);
+            if is_formula && field.parse::<f64>().is_err() {
+                format!("'{field}")
+            } else {
+                field.to_owned()
+            }
+        }))?;
+    }
+    finish(writer)
+}
+
 /// Reads what [`Format::Csv`](super::Format::Csv) writes; `source` names it in errors.
 ///
 /// Columns may be in any order, and optional ones may be missing. Empty fields of optional

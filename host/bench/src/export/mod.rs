@@ -9,7 +9,7 @@ mod parquet;
 mod planner_arena;
 mod time;
 
-pub use csv::read_csv;
+pub use csv::{read_csv, without_formulas};
 pub use error::ExportError;
 pub use time::rfc3339;
 

@@ -265,6 +265,13 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
             plural(trials.rows().filter(watched).count(), "trial")
         ));
     }
+    for devices in each(|row| row.devices.as_deref()) {
+        let used = |row: &&Row| row.devices.as_deref() == Some(devices);
+        caveats.push(format!(
+            "In {} planners were granted devices, whose time and memory are not counted: {devices}.",
+            plural(trials.rows().filter(used).count(), "trial")
+        ));
+    }
     if machines.len() > 1 {
         caveats.push(format!(
             "Trials ran on {} different machines: times differ by more than planners.",

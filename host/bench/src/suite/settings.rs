@@ -3,6 +3,7 @@
 use fleetyard_core::InputError;
 use fleetyard_core::document::{Fault, Value, between};
 use fleetyard_runtime::Level;
+use fleetyard_runtime::sandbox::devices;
 use fleetyard_sim::motion::load_fleet;
 use fleetyard_sim::noise::{Delay, Disturbance, Messages, TwistNoise, VelocityNoise};
 use fleetyard_sim::{SimConfig, SimError};
@@ -28,7 +29,7 @@ struct SandboxTable {
 }
 
 pub(super) fn sandbox(table: &Value<'_>, paths: &Paths<'_>) -> Result<SandboxOptions, InputError> {
-    let said: SandboxTable = table.clone().apart(&["read", "env"]).read()?;
+    let said: SandboxTable = table.clone().apart(&["read", "env", "devices"]).read()?;
     let mut sandbox = SandboxOptions::default();
     sandbox.output_bytes = said.output.unwrap_or(sandbox.output_bytes);
     sandbox.pin = said.pin.unwrap_or(sandbox.pin);
@@ -39,6 +40,18 @@ pub(super) fn sandbox(table: &Value<'_>, paths: &Paths<'_>) -> Result<SandboxOpt
     policy.network = said.network.unwrap_or(policy.network);
     for item in table.get("read").iter().flat_map(Value::one_or_more) {
         policy.read.push(paths.path(&item)?.path);
+    }
+    for item in table.get("devices").iter().flat_map(Value::one_or_more) {
+        let found = item.text(|name| {
+            devices(name, policy.level).map_err(|fault| {
+                let said = Fault::new(fault.to_string());
+                match fault.hint() {
+                    Some(hint) => said.hint(hint),
+                    None => said,
+                }
+            })
+        })?;
+        policy.devices.extend(found);
     }
     let variables = table.optional("env", Value::entries)?.unwrap_or_default();
     for (name, value) in variables {

@@ -1,7 +1,7 @@
 //! Exports are read by others: by the readers of their formats, by pandas, and by what
 //! OMPL's Planner Arena asks of a database.
 
-use fleetyard_bench::export::{Format, export, read_csv};
+use fleetyard_bench::export::{Format, export, read_csv, without_formulas};
 use fleetyard_bench::{COLUMNS, ColumnType, Incumbent, Row, Value};
 use fleetyard_testkit::python;
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -119,6 +119,30 @@ fn nothing_can_be_exported_too() {
         read_csv("empty", &export(Format::Csv, &[]).unwrap()),
         Ok(Vec::new())
     );
+}
+
+#[test]
+fn a_spreadsheet_finds_no_formula() {
+    let mut rows = rows();
+    rows[0].message = Some("=cmd|' /C calc'!A0".into());
+    rows[0].map = "@SUM(1)".into();
+    rows[0].planner = "-1".into();
+    for format in [Format::Csv, Format::MazeCsv] {
+        let written = export(format, &rows).unwrap();
+        let harmless = without_formulas(&written).unwrap();
+        let text = String::from_utf8(harmless).unwrap();
+        assert!(
+            text.contains(",'@SUM(1),") && !text.contains(",@SUM(1)"),
+            "{text}"
+        );
+        assert!(text.contains("'=cmd|' /C calc'!A0"), "{text}");
+        // A number is none.
+        assert!(!text.contains("'-1"), "{text}");
+        let written = String::from_utf8(written).unwrap();
+        assert_eq!(text.lines().count(), written.lines().count());
+    }
+    let harmless = without_formulas(&export(Format::Csv, &rows[1..]).unwrap()).unwrap();
+    assert_eq!(read_csv("rows.csv", &harmless).unwrap(), rows[1..]);
 }
 
 #[test]

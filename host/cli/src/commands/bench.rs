@@ -128,7 +128,11 @@ pub(crate) fn bench(arguments: &Bench) -> Result<Exit> {
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}.sqlite", suite.name)));
     let hidden = &mut suite.sandbox.policy.hidden;
-    hidden.extend([arguments.suite.clone(), place.clone()]);
+    hidden.extend([
+        arguments.suite.clone(),
+        place.clone(),
+        Manifest::path(&place),
+    ]);
     hidden.extend(arguments.progress_file.clone());
     match arguments.executor {
         Executor::Slurm if !arguments.dry_run => return on_cluster(arguments, &suite, &place),

@@ -642,6 +642,9 @@ fn granted(grants: &GrantArgs) -> Vec<String> {
     for (name, value) in &grants.env {
         add("env", format!("{name}={value}"));
     }
+    for name in &grants.allow_device {
+        add("allow-device", name.clone());
+    }
     if grants.allow_network {
         words.push("--allow-network".into());
     }

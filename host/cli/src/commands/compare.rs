@@ -160,6 +160,9 @@ struct Line {
     contended: usize,
     /// Limits that were only watched, not enforced.
     limits_watched: BTreeSet<String>,
+    /// Devices that it was granted.
+    #[serde(skip_serializing_if = "BTreeSet::is_empty")]
+    devices: BTreeSet<String>,
     /// Reasons why trials may not be compared with others.
     unranked: BTreeSet<String>,
     /// Reasons of the trials that failed.
@@ -248,6 +251,7 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
     let contended: usize = lines.iter().map(|line| line.contended).sum();
     let unranked = each(|line| &line.unranked);
     let watched = each(|line| &line.limits_watched);
+    let devices = each(|line| &line.devices);
     match arguments.format {
         Format::Text => {
             let text = format!("{}\n\n{}", table(&lines), claims.text());
@@ -267,6 +271,11 @@ pub(crate) fn compare(arguments: &Compare) -> Result<Exit> {
         output::note(&format!(
             "this machine only watches limits, and does not enforce them: {limits}; \
              `fleetyard doctor` says why"
+        ));
+    }
+    if let Some(devices) = devices {
+        output::note(&format!(
+            "planners were granted devices, whose time and memory are not counted: {devices}"
         ));
     }
     if contended > 0 {
@@ -412,6 +421,10 @@ fn line(planner: &Planner<'_>, shared: &[usize]) -> Line {
             .filter_map(|row| row.limits_watched.as_deref())
             .flat_map(|limits| limits.split(", "))
             .map(str::to_owned)
+            .collect(),
+        devices: planner
+            .rows()
+            .filter_map(|row| row.devices.clone())
             .collect(),
         unranked: planner
             .rows()

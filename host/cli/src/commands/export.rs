@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fleetyard_bench::evaluate::Order;
-use fleetyard_bench::export::{Format, export};
+use fleetyard_bench::export::{Format, export, without_formulas};
 use fleetyard_bench::report::Report;
 use fleetyard_core::write_all_atomically;
 
@@ -22,6 +22,9 @@ pub(crate) struct StoreExport {
     store: PathBuf,
     #[command(flatten)]
     files: ExportFiles,
+    /// In CSV, put a ' before texts that a spreadsheet would take for formulas
+    #[arg(long)]
+    no_formulas: bool,
     /// Order of the ranking in Markdown [default: as the suite says]
     #[arg(long, value_parser = word::<Order>())]
     rank: Option<Order>,
@@ -72,11 +75,21 @@ pub(super) fn export_store(arguments: &StoreExport) -> Result<Exit> {
             return Err(Failure::new(Exit::Usage, reason).hint("give each a file of its own"));
         }
     }
+    if arguments.no_formulas && files.csv.is_none() && files.maze_csv.is_none() {
+        let reason = "--no-formulas is about CSV, and none is written";
+        return Err(Failure::new(Exit::Usage, reason).hint("add --csv FILE or --maze-csv FILE"));
+    }
     let loaded = load(std::slice::from_ref(&arguments.store), arguments.rank)?;
     let mut written: Vec<(&Path, Vec<u8>)> = Vec::new();
     for (format, path) in wanted {
         let bytes = if let Some(format) = format {
-            export(format, &loaded.rows).map_err(internal)?
+            let bytes = export(format, &loaded.rows).map_err(internal)?;
+            match format {
+                Format::Csv | Format::MazeCsv if arguments.no_formulas => {
+                    without_formulas(&bytes).map_err(internal)?
+                }
+                _ => bytes,
+            }
         } else {
             let report = Report::new(loaded.subject.clone(), &loaded.rows);
             report.markdown(None, &[]).into_bytes()

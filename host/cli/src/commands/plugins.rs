@@ -77,6 +77,9 @@ struct Listed {
     /// Of its code; of this program, for the built-ins.
     digest: Option<Digest>,
     code: Vec<CodeFile>,
+    /// The files that are started.
+    #[serde(skip)]
+    started: Vec<CodeFile>,
     refused: Option<String>,
     hint: Option<String>,
 }
@@ -89,7 +92,8 @@ struct ListedPlugin {
     shadowed_by: Option<String>,
 }
 
-fn listed(all: &[Discovered], found: &Discovered) -> Listed {
+fn listed(runtime: &Runtime, all: &[Discovered], found: &Discovered) -> Listed {
+    let identity = runtime.identity(&found.file).ok();
     let shadowed_by = |plugin: &Descriptor| {
         let first = first_with(all, plugin).filter(|first| first.file != found.file);
         first.map(Discovered::place)
@@ -112,8 +116,9 @@ fn listed(all: &[Discovered], found: &Discovered) -> Listed {
         contract,
         plugins,
         lock: found.standing,
-        digest: found.file.digest().ok(),
-        code: found.file.code().unwrap_or_default(),
+        digest: identity.as_ref().map(|identity| identity.digest),
+        code: identity.map(|identity| identity.code).unwrap_or_default(),
+        started: found.file.code().unwrap_or_default(),
         refused: fault.map(ToString::to_string),
         hint: fault.and_then(|fault| fault.hint().map(str::to_owned)),
     }
@@ -126,7 +131,10 @@ fn list(arguments: &TrustArgs, format: Format) -> Result<Exit> {
     for (folder, reason) in discovery.unreadable() {
         output::warning(&unreadable(&folder, &reason));
     }
-    let files: Vec<Listed> = all.iter().map(|found| listed(&all, found)).collect();
+    let files: Vec<Listed> = all
+        .iter()
+        .map(|found| listed(&runtime, &all, found))
+        .collect();
     match format {
         Format::Json => output::print_json(&files)?,
         Format::Text => {
@@ -154,7 +162,7 @@ fn table(files: &[Listed]) -> String {
             .contract
             .as_ref()
             .map_or(String::new(), ToString::to_string);
-        let code: Vec<&str> = file.code.iter().map(|code| &code.sha256[..12]).collect();
+        let code: Vec<&str> = file.started.iter().map(|code| &code.sha256[..12]).collect();
         let mut row = |id: &str, kind: String, version: &str, notes: String| {
             rows.push(vec![
                 id.to_owned(),
@@ -207,8 +215,8 @@ struct Described {
     reads: Vec<String>,
 }
 
-/// Most paths that are shown as text.
-const READS: usize = 20;
+/// Most files, and most paths, that are shown as text.
+const SHOWN: usize = 20;
 
 fn info(name: &str, arguments: &TrustArgs, format: Format) -> Result<Exit> {
     let runtime = runtime(trust(arguments)?)?;
@@ -273,6 +281,10 @@ fn described(
         Some(_) => runtime.readable(file)?,
         None => Vec::new(),
     };
+    let identity = match chosen.peek() {
+        Some(_) => Some(runtime.identity(file)?),
+        None => None,
+    };
     let reads: Vec<String> = reads
         .iter()
         .map(|path| path.display().to_string())
@@ -284,8 +296,10 @@ fn described(
             path: file.path().map(|path| path.display().to_string()),
             attach: file.default_attach(),
             contract: contract.clone(),
-            digest: file.digest().ok(),
-            code: file.code().unwrap_or_default(),
+            digest: identity.as_ref().map(|identity| identity.digest),
+            code: identity
+                .as_ref()
+                .map_or_else(Vec::new, |identity| identity.code.clone()),
         })
         .collect();
     Ok(described)
@@ -306,18 +320,16 @@ fn text(described: &Described) -> String {
     let _ = writeln!(out, "can do: {}", capabilities.join(", "));
     let from = described.path.as_deref().unwrap_or("built-in");
     let _ = writeln!(out, "from: {from} ({})", described.contract);
-    for CodeFile { path, sha256 } in &described.code {
-        let _ = writeln!(out, "code: {sha256}  {}", path.display());
-    }
-    for path in described.reads.iter().take(READS) {
-        let _ = writeln!(out, "reads: {path}");
-    }
-    if let Some(more) = described.reads.len().checked_sub(READS + 1) {
-        let _ = writeln!(
-            out,
-            "reads: and {} more, as `--format json` has them",
-            more + 1
-        );
+    let line = |CodeFile { path, sha256 }: &CodeFile| format!("{sha256}  {}", path.display());
+    let code: Vec<String> = described.code.iter().map(line).collect();
+    for (what, all) in [("code", &code), ("reads", &described.reads)] {
+        for one in all.iter().take(SHOWN) {
+            let _ = writeln!(out, "{what}: {one}");
+        }
+        if let Some(more) = all.len().checked_sub(SHOWN + 1) {
+            let more = more + 1;
+            let _ = writeln!(out, "{what}: and {more} more, as `--format json` has them");
+        }
     }
     let options = plugin
         .options_schema

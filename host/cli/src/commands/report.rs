@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fleetyard_bench::Row;
 use fleetyard_bench::evaluate::{Order, RunComparison, TrialPair};
-use fleetyard_bench::export::{Format as Export, export};
+use fleetyard_bench::export::{Format as Export, export, without_formulas};
 use fleetyard_bench::report::{Loaded, Report, Table, svg, two_runs};
 use fleetyard_core::{InputError, nearest, write_all_atomically};
 use serde_json::json;
@@ -49,6 +49,9 @@ pub(crate) struct ReportArgs {
     /// Write all trials, the columns of the maze paper first
     #[arg(long, value_name = "FILE", value_parser = |text: &str| Written::Csv.path(text), requires = "stores")]
     csv: Option<PathBuf>,
+    /// In CSV, put a ' before texts that a spreadsheet would take for formulas
+    #[arg(long, requires = "csv")]
+    no_formulas: bool,
     #[command(flatten)]
     format: Format,
 }
@@ -204,6 +207,11 @@ fn write(arguments: &ReportArgs, report: &Report<'_>, rows: &[Row], more: &[Tabl
     }
     if let Some(path) = &arguments.csv {
         let csv = export(Export::MazeCsv, rows).map_err(internal)?;
+        let csv = if arguments.no_formulas {
+            without_formulas(&csv).map_err(internal)?
+        } else {
+            csv
+        };
         files.push((path.clone(), csv));
     }
     if let Some(path) = &arguments.html {

@@ -224,7 +224,7 @@ fn run(
             return Report {
                 start_error: by_policy.then(|| reason.clone()),
                 host_error: (!by_policy).then_some(reason),
-                sandbox: report,
+                sandbox: *report,
                 ..Report::default()
             };
         }

@@ -15,7 +15,7 @@ use crate::confinement::process::Process;
 use crate::confinement::promises::Promises;
 use crate::confinement::sandbox::launch::Launch;
 use crate::confinement::sandbox::{
-    self, Attempt, Filter, Grants, Level, Policy, Profile, SandboxReport, Targets,
+    self, Attempt, Filter, Grants, Interpreter, Level, Policy, Profile, SandboxReport, Targets,
 };
 use crate::confinement::target::Target;
 use crate::confinement::transport::Transport;
@@ -26,7 +26,7 @@ use crate::sessions::in_process::InProcess;
 use crate::sessions::limits::Limits;
 use crate::sessions::out_of_process::introduced;
 use crate::sessions::session::{Contract, Introduction, Session};
-use crate::{Attach, Fault, Library, PluginFile};
+use crate::{Attach, Fault, Identity, Library, PluginFile};
 
 /// Opens sessions.
 #[derive(Debug, Clone)]
@@ -136,30 +136,42 @@ impl Runtime {
     }
 
     fn launch(&self, target: Target) -> Result<Launch, Fault> {
-        let limits = &self.limits;
-        let policy = &limits.policy;
-        let filter = match policy.level {
+        let filter = self.filter();
+        let grants = self.granted(&target, sandbox::python(&target))?;
+        Ok(self.launched(target, grants, filter))
+    }
+
+    fn filter(&self) -> Filter {
+        match self.limits.policy.level {
             Level::Strict => selftest::strictest(
                 |filter| self.try_worker(filter),
                 |target, filter| self.start_filtered(target, filter),
-                limits.startup,
+                self.limits.startup,
             ),
             Level::Auto | Level::None => Filter::of(Profile::DenyList),
-        };
-        let launched = |target: Target, grants: Grants| {
-            let memory_bytes = limits.memory_bytes;
-            self.launch_granted(target, grants, policy.clone(), filter.clone(), memory_bytes)
-        };
-        let asked = sandbox::python(&target).map(|interpreter| {
-            let grants = Grants::to_ask(&interpreter, &target, policy, limits.threads)?;
+        }
+    }
+
+    fn launched(&self, target: Target, grants: Grants, filter: Filter) -> Launch {
+        let limits = &self.limits;
+        let policy = limits.policy.clone();
+        self.launch_granted(target, grants, policy, filter, limits.memory_bytes)
+    }
+
+    /// The files that a plugin may read, as its interpreter has them, if one is asked.
+    fn granted(&self, target: &Target, interpreter: Option<Interpreter>) -> Result<Grants, Fault> {
+        let Limits {
+            policy, threads, ..
+        } = &self.limits;
+        let asked = interpreter.map(|interpreter| {
+            let grants = Grants::to_ask(&interpreter, target, policy, *threads)?;
             let name = interpreter.program.to_string_lossy().into_owned();
             let command = [name, "-c".into(), python::QUESTION.into()];
-            let launch = launched(Target::Program(command.into()), grants);
+            let launch = self.launched(Target::Program(command.into()), grants, self.filter());
             Ok(python::ask(&self.executable, &launch))
         });
         let python = asked.transpose()?.flatten();
-        let grants = Grants::new(&target, policy, limits.threads, python.as_ref(), declared)?;
-        Ok(launched(target, grants))
+        Grants::new(target, policy, *threads, python.as_ref(), declared)
     }
 
     fn launch_granted(
@@ -221,6 +233,22 @@ impl Runtime {
         let limits = &self.limits;
         let grants = Grants::new(&file.into(), &limits.policy, limits.threads, None, declared)?;
         Ok(grants.for_the_plugin())
+    }
+
+    /// All that decides what the plugins of a file do, as far as it is not the system's: it is what
+    /// records, keys of trials and bundles know a plugin by. Nothing of the plugin's is started.
+    pub fn identity(&self, file: &PluginFile) -> Result<Identity, Fault> {
+        let policy = &self.limits.policy;
+        if *file == PluginFile::BuiltIn {
+            return file.identity(&policy.hidden, Vec::new());
+        }
+        let target = Target::from(file);
+        // One that the user's path names says where it is installed; the plugin's own is a file of it.
+        let interpreter = sandbox::python(&target).filter(|interpreter| interpreter.searched);
+        let elsewhere = self
+            .granted(&target, interpreter)?
+            .elsewhere(&target, policy)?;
+        file.identity(&policy.hidden, elsewhere)
     }
 
     /// The layers that a sandbox would have on this machine, for this user: all of it is

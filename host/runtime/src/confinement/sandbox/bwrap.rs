@@ -15,10 +15,10 @@ use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 use super::Layer;
+use super::devices::DEVICES;
 use super::grants::{SCRATCH, find_program};
 use super::init::Inside;
 use super::launch::Launch;
-use super::lockdown::DEVICES;
 use super::refusal::as_errno;
 use super::root::{OF_KERNEL, not_for_plugins};
 use crate::confinement::child::goes_first;
@@ -81,6 +81,9 @@ pub(super) fn spawn(
     }
     for device in DEVICES {
         command.args(["--dev-bind-try", device, device]);
+    }
+    for device in &launch.policy.devices {
+        command.arg("--dev-bind-try").args([device, device]);
     }
     command.arg("--ro-bind").arg(own).arg(EXECUTABLE);
     command.args(["--remount-ro", "/proc", "--remount-ro", "/"]);

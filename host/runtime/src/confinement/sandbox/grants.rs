@@ -17,7 +17,7 @@ mod hidden;
 mod places;
 mod programs;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
@@ -31,6 +31,7 @@ use super::Policy;
 use crate::Fault;
 use crate::confinement::state::RUN;
 use crate::confinement::target::Target;
+use crate::sessions::adapter::declared;
 
 pub(crate) use hidden::Hidden;
 use hidden::{Carved, Grant, both, tidy};
@@ -233,6 +234,43 @@ impl Grants {
         let named = (!interpreter.searched).then(|| interpreter.program.clone());
         let program = Some(interpreter.program.clone());
         gathered.finish(policy, env, program, named.into_iter().collect())
+    }
+
+    /// Places that are granted for this plugin's sake besides the system's and its own folder, each once,
+    /// and true for those that somebody names for it: others are what its interpreter and the programs
+    /// that it is started by are installed in.
+    pub(crate) fn elsewhere(
+        &self,
+        target: &Target,
+        policy: &Policy,
+    ) -> Result<Vec<(PathBuf, bool)>, Fault> {
+        let own: Vec<PathBuf> = target.file().iter().flat_map(|file| own(file)).collect();
+        let mut named = policy.read.clone();
+        // What the host's user has set for everybody is of use to interpreters alone, or is a part of
+        // the system that the user chose.
+        let variables = software(&policy.env).into_iter();
+        let to_all = software(&[]);
+        let is_python = python(target).is_some();
+        named.extend(variables.filter(|path| is_python || !to_all.contains(path)));
+        if let Target::Adapter(path) = target {
+            named.extend(declared(path)?.read);
+        }
+        let named: Vec<PathBuf> = named.iter().flat_map(|path| both(path)).collect();
+        let mut places = Vec::new();
+        let mut seen = BTreeSet::new();
+        let candidates = self
+            .for_the_plugin()
+            .into_iter()
+            .chain(named.iter().cloned());
+        for path in candidates.filter(|path| path.exists()) {
+            let real = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
+            let is_own = |own: &PathBuf| path.starts_with(own) || real.starts_with(own);
+            if !is_system(&real) && !own.iter().any(is_own) && seen.insert(real) {
+                let is_named = named.iter().any(|named| path.starts_with(named));
+                places.push((path, is_named));
+            }
+        }
+        Ok(places)
     }
 
     /// True if a path that somebody claims to need is among what was granted.

@@ -69,6 +69,7 @@ impl Inside<'_> {
         if mount && let Some(trees) = trees {
             let root = Root {
                 read: &self.launch.grants.read,
+                devices: &self.launch.policy.devices,
                 trees,
                 // A little more than the limit, so that reaching it can be seen.
                 disk_bytes: self.launch.policy.disk_bytes.max(4096) + (64 << 10),
@@ -211,6 +212,7 @@ fn plugin(
             },
             scratch,
             network: launch.policy.network,
+            devices: &launch.policy.devices,
             profile: launch.filter.profile,
             alone: inside.wants(Layer::PidNamespace),
             file_bytes: launch.policy.disk_bytes + (64 << 10),

@@ -68,7 +68,7 @@ pub(crate) struct Jail {
 
 /// The reason why nothing was started.
 pub(crate) struct NotStarted {
-    pub(crate) report: SandboxReport,
+    pub(crate) report: Box<SandboxReport>,
     pub(crate) reason: String,
     /// True if it is what the caller asked for, rather than something that failed.
     pub(crate) by_policy: bool,
@@ -173,6 +173,7 @@ impl Attempt<'_> {
                 .then(|| self.launch.filter.clone()),
             layers: layers.collect(),
             limits: self.limits(),
+            devices: self.launch.policy.devices.clone(),
         }
     }
 
@@ -281,7 +282,7 @@ impl Attempt<'_> {
 
     fn not_started(&self, reason: impl Into<String>, by_policy: bool) -> NotStarted {
         NotStarted {
-            report: self.report(),
+            report: Box::new(self.report()),
             reason: reason.into(),
             by_policy,
         }

@@ -10,6 +10,7 @@ use rustix::io::Errno;
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
 
+use super::devices::DEVICES;
 use super::refusal::as_errno;
 use super::{Layer, Profile, Refusal, Remark, syscalls};
 
@@ -22,6 +23,8 @@ pub(super) struct Lockdown<'a> {
     /// The folder that may be written to.
     pub(super) scratch: &'a Path,
     pub(super) network: bool,
+    /// Devices that may be used beside the usual ones.
+    pub(super) devices: &'a [PathBuf],
     /// The system calls that pass.
     pub(super) profile: Profile,
     /// True if other processes are out of reach of signals anyway.
@@ -202,8 +205,12 @@ impl Lockdown<'_> {
             allow(path, AccessFs::ReadDir.into())?;
         }
         allow(self.scratch, AccessFs::from_all(abi))?;
-        for path in DEVICES {
-            allow(Path::new(path), device)?;
+        for path in DEVICES
+            .iter()
+            .map(Path::new)
+            .chain(self.devices.iter().map(PathBuf::as_path))
+        {
+            allow(path, device)?;
         }
         ruleset.restrict_self().map(|status| status.ruleset)
     }
@@ -211,15 +218,6 @@ impl Lockdown<'_> {
 
 /// The first version of Landlock that keeps signals in.
 const SCOPE_OF_SIGNALS: i64 = 6;
-
-/// Devices that a plugin may use.
-pub(super) const DEVICES: [&str; 5] = [
-    "/dev/null",
-    "/dev/zero",
-    "/dev/full",
-    "/dev/random",
-    "/dev/urandom",
-];
 
 /// Gives up every capability, and the means to get one by starting a program.
 pub(super) fn drop_capabilities() -> Result<(), Refusal> {

@@ -15,6 +15,7 @@
 
 mod attempts;
 mod bwrap;
+mod devices;
 mod grants;
 mod init;
 pub(crate) mod jail;
@@ -30,8 +31,11 @@ mod syscalls;
 pub(crate) use attempts::Targets;
 pub use attempts::{Attempt, Victims};
 pub(crate) use bwrap::{INSIDE_ARGUMENT, enter as enter_from_bwrap};
+pub use devices::devices;
 pub use grants::out_of_reach;
-pub(crate) use grants::{Declared, Grants, Hidden, Python, aside, find_program, own, python};
+pub(crate) use grants::{
+    Declared, Grants, Hidden, Interpreter, Python, aside, find_program, own, python,
+};
 pub use policy::Policy;
 use refusal::{Refusal, Remark};
 pub use report::{

@@ -19,6 +19,9 @@ pub struct Policy {
     pub hidden: Vec<PathBuf>,
     /// True if it may use the network.
     pub network: bool,
+    /// Devices that it may use, as [`devices`](super::devices()) finds them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<PathBuf>,
     /// Environment variables beside the fixed ones.
     pub env: Vec<(String, String)>,
     /// Most processes and threads.
@@ -36,6 +39,7 @@ impl Default for Policy {
             read: Vec::new(),
             hidden: Vec::new(),
             network: false,
+            devices: Vec::new(),
             env: Vec::new(),
             processes: 256,
             disk_bytes: 256 << 20,

@@ -1,5 +1,7 @@
 //! Layers and limits of a sandbox, and what became of them in a run.
 
+use std::path::PathBuf;
+
 use fleetyard_core::words;
 use serde::{Deserialize, Serialize};
 
@@ -272,6 +274,9 @@ pub struct SandboxReport {
     /// Every limit, whether one was set or not.
     #[serde(default)]
     pub limits: Vec<LimitState>,
+    /// Devices that the plugin was granted: their time and memory are nobody's to count.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<PathBuf>,
 }
 
 impl SandboxReport {

@@ -14,8 +14,9 @@ use rustix::mount::{
     mount_change, move_mount, open_tree, unmount,
 };
 
+use super::devices::DEVICES;
 use super::grants::{Grants, SCRATCH};
-use super::lockdown::DEVICES;
+
 use super::refusal::as_errno;
 use super::{Layer, Refusal};
 
@@ -70,6 +71,8 @@ pub(super) fn not_for_plugins(proc: &str) -> std::io::Result<Vec<(String, bool)>
 /// The tree and the way in which it is made.
 pub(super) struct Root<'a> {
     pub(super) read: &'a [PathBuf],
+    /// Devices beside the usual ones.
+    pub(super) devices: &'a [PathBuf],
     pub(super) trees: &'a Trees,
     pub(super) disk_bytes: u64,
     pub(super) files: u64,
@@ -231,8 +234,9 @@ impl Root<'_> {
             }
         }
         let mut devices = Vec::new();
-        for path in DEVICES {
-            match take(Path::new(path)) {
+        let granted = self.devices.iter().map(PathBuf::as_path);
+        for path in DEVICES.iter().map(Path::new).chain(granted) {
+            match take(path) {
                 Ok(tree) => devices.push((path, tree)),
                 Err(Errno::ACCESS | Errno::NOENT) => {}
                 Err(errno) => return Err(refused("taking devices")(errno)),
@@ -269,7 +273,7 @@ impl Root<'_> {
         &self,
         trees: Vec<(&Path, OwnedFd)>,
         links: Vec<(&Path, PathBuf)>,
-        devices: Vec<(&str, OwnedFd)>,
+        devices: Vec<(&Path, OwnedFd)>,
     ) -> Result<(), Errno> {
         let io = |result: std::io::Result<()>| result.map_err(|error| as_errno(&error));
         for (at, to) in links {
@@ -297,7 +301,7 @@ impl Root<'_> {
             attach(at, &tree)?;
         }
         for (at, tree) in devices {
-            attach(Path::new(at), &tree)?;
+            attach(at, &tree)?;
         }
         io(fs::create_dir_all(EMPTY))?;
         if !Path::new("var/tmp").exists() {

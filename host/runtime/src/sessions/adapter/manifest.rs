@@ -241,9 +241,12 @@ impl Manifest {
             return Err(InputError::new(source, reason));
         }
         document::read(source, text, &[], |root| {
-            let head = root.clone().apart(&Self::APART).read()?;
+            let head: Head = root.clone().apart(&Self::APART).read()?;
             let options = root.optional("options", options)?.unwrap_or_default();
             let program = root.require("program")?;
+            if let Some(variable) = program.get("variable") {
+                variable.text(|name| own_variable(name, &head.id))?;
+            }
             let properties = Options::of(&options);
             let input = root.optional("input", |input| Input::read(input, &properties))?;
             let input = input.unwrap_or_default();
@@ -370,6 +373,24 @@ fn variable_name(text: &str) -> Result<String, Fault> {
         return Err(Fault::new(reason));
     }
     Ok(text.to_owned())
+}
+
+/// The name of a variable that is this planner's: its value is given to the planner, and whatever else the
+/// host's user has in the environment is none of its business.
+fn own_variable(text: &str, id: &str) -> Result<(), Fault> {
+    let capital = |letter: char| match letter {
+        'a'..='z' | '0'..='9' => letter.to_ascii_uppercase(),
+        _ => '_',
+    };
+    let own: String = id.chars().map(capital).collect();
+    let rest = text.strip_prefix(&own);
+    if rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_')) {
+        return Ok(());
+    }
+    let reason = format!("`{}` is no variable of `{id}`", shown(text));
+    Err(Fault::new(reason).hint(format!(
+        "call it {own}, or something that begins with {own}_"
+    )))
 }
 
 fn variable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {

@@ -1,8 +1,11 @@
 //! Folders and files: those that belong together, and those that others may read.
 
 use std::fs::{self, Metadata};
+use std::io::Read;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+use fleetyard_core::{SQLITE_MAGIC, STORE_MARK, open_regular};
 
 use crate::folders::holds_several;
 
@@ -52,7 +55,7 @@ pub(crate) fn own(file: &Path) -> Vec<PathBuf> {
 }
 
 /// Entries of a plugin's own folder that are not the plugin's: the history of its source, what
-/// tools build there, and what is closed to others if its file is not.
+/// tools build there, stores and suites, and what is closed to others if its file is not.
 pub(crate) fn aside(own: &Path, file: &Path) -> Vec<PathBuf> {
     const HISTORY: [&str; 3] = [".git", ".hg", ".svn"];
     let closed = fs::metadata(file).is_ok_and(|meta| !is_open(&meta));
@@ -65,6 +68,7 @@ pub(crate) fn aside(own: &Path, file: &Path) -> Vec<PathBuf> {
         }
         let history = HISTORY.iter().any(|name| entry.file_name() == *name);
         history
+            || is_of_the_host(&path)
             || is_build_folder_itself(&path)
             || !closed
                 && entry
@@ -72,6 +76,47 @@ pub(crate) fn aside(own: &Path, file: &Path) -> Vec<PathBuf> {
                     .is_ok_and(|meta| !meta.is_symlink() && !is_open(&meta))
     });
     aside.map(|entry| entry.path()).collect()
+}
+
+/// True if a file is this program's own by its content, a store with what stands beside it or a suite:
+/// trials change it, and what a planner does must not depend on them.
+fn is_of_the_host(path: &Path) -> bool {
+    let text = path.to_string_lossy();
+    let beside = ["-wal", "-shm", "-journal"];
+    let store = if let Some(name) = text.strip_suffix(".manifest.json") {
+        format!("{name}.sqlite")
+    } else {
+        let store = beside.iter().find_map(|end| text.strip_suffix(end));
+        store.unwrap_or(&text).to_owned()
+    };
+    is_store(Path::new(&store)) || is_suite(path)
+}
+
+fn is_store(path: &Path) -> bool {
+    let begin = start_of(path, 72);
+    begin.starts_with(SQLITE_MAGIC) && begin.ends_with(&STORE_MARK)
+}
+
+fn is_suite(path: &Path) -> bool {
+    let is_toml = path
+        .extension()
+        .is_some_and(|extension| extension == "toml");
+    let text = || start_of(path, 1 << 16);
+    is_toml
+        && text()
+            .split(|byte| *byte == b'\n')
+            .any(|line| line.starts_with(b"[[planner]]"))
+}
+
+/// The first bytes of a file; none of one that cannot be read.
+fn start_of(path: &Path, bytes: u64) -> Vec<u8> {
+    let mut start = Vec::new();
+    let read = open_regular(path).map(|file| file.take(bytes).read_to_end(&mut start));
+    if matches!(read, Ok(Ok(_))) {
+        start
+    } else {
+        Vec::new()
+    }
 }
 
 /// True if a folder is, or is in, one that a tool marked as its cache, as cargo does with
