@@ -475,7 +475,7 @@ fn waits_reservations_delays_and_priorities_are_drawn_and_told() {
     page.eval("studio.store.edit({ op: 'scatter', count: 12, seed: 1, replace: true })");
     page.until("studio.store.agents.length === 12");
     page.eval(
-        "(() => { window.ask = (path, body) => fetch('/api' + path, { method: body ? 'POST' : 'GET', body: body && JSON.stringify(body) }).then((answer) => answer.json()); \
+        "(() => { window.ask = (path, body) => import('/api.js').then(({ api }) => body ? api.post(path, body) : api.get(path)); \
          return ask('/planners', {}).then(() => ask('/jobs', { run: { planner: 'pp', view: 'grid', budget_ms: 2000, annotations: true, execute: { policy: 'adg', delay: 'bernoulli:0.3,3s', seed: 1 } } })); })()",
     );
     page.until("studio.jobs.list.length === 1 && studio.jobs.list[0].state === 'done' && studio.watch.canShow(studio.jobs.list[0])");

@@ -53,15 +53,8 @@ fn run(planner: &str, more: &Value) -> Value {
 fn a_studio_says_its_address_serves_its_page_and_leaves_nothing() {
     let yard = Yard::new();
     let studio = two_rooms(&yard);
-    let door = studio.with("GET", &format!("/?token={}", studio.token), &[], b"");
-    let door = door.expect(303);
-    assert_eq!(door.header("location"), "/");
-    let cookie = door.header("set-cookie").to_owned();
-    assert!(cookie.contains("; HttpOnly; SameSite=Strict"), "{cookie}");
-    let cookie = cookie.split(';').next().unwrap();
-    let page = studio
-        .with("GET", "/", &[("Cookie", cookie)], b"")
-        .expect(200);
+    let page = studio.with("GET", "/", &[], b"").expect(200);
+    assert_eq!(page.header("set-cookie"), "");
     assert!(
         page.header("content-security-policy")
             .starts_with("default-src 'none';")
@@ -85,13 +78,15 @@ fn who_has_no_right_to_ask_is_refused() {
     let bearer = format!("Bearer {token}");
     let wrong = format!("Bearer {}", token.chars().rev().collect::<String>());
     let cookie = format!("fleetyard-{}={token}", studio.port);
+    let cookie = ("Cookie", cookie.as_str());
     let origin = format!("http://127.0.0.1:{}", studio.port);
     let ask = |method: &str, path: &str, headers: &[(&str, &str)]| {
         studio.with(method, path, headers, b"{}").status
     };
     let right = ("Authorization", bearer.as_str());
     // No token, a wrong one, one in the wrong place.
-    assert_eq!(ask("GET", "/", &[]), 401);
+    assert_eq!(ask("POST", "/", &[]), 401);
+    assert_eq!(ask("GET", "/report", &[]), 401);
     assert_eq!(ask("GET", "/api/document", &[]), 401);
     assert_eq!(
         ask("GET", "/api/document", &[("Authorization", &wrong)]),
@@ -104,15 +99,10 @@ fn who_has_no_right_to_ask_is_refused() {
     // Other pages, and names that lead here.
     let elsewhere = ("Origin", "http://evil.example");
     assert_eq!(ask("GET", "/api/document", &[right, elsewhere]), 403);
-    assert_eq!(ask("POST", "/api/planners", &[("Cookie", &cookie)]), 403);
-    assert_eq!(
-        ask(
-            "POST",
-            "/api/planners",
-            &[("Cookie", &cookie), ("Origin", &origin)]
-        ),
-        200
-    );
+    // A browser sends cookies to every port of this host, so that they are of no use here.
+    let page = ("Origin", origin.as_str());
+    assert_eq!(ask("POST", "/api/planners", &[cookie, page]), 401);
+    assert_eq!(ask("POST", "/api/planners", &[right, page]), 200);
     let host = |host: &str| {
         let head = format!(
             "GET /api/document HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\nAuthorization: {bearer}\r\n\r\n"
@@ -123,13 +113,20 @@ fn who_has_no_right_to_ask_is_refused() {
     assert_eq!(host(&format!("localhost:{}", studio.port)), 200);
     assert_eq!(host(&format!("evil.example:{}", studio.port)), 421);
     assert_eq!(host("127.0.0.1"), 421);
-    // A socket from another page.
+    // A socket from another page, and one of ours, which has a ticket in its address once.
     let upgrade = [
-        ("Cookie", cookie.as_str()),
         ("Upgrade", "websocket"),
         ("Connection", "Upgrade"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
     ];
-    assert_eq!(ask("GET", "/api/feed", &upgrade), 403);
+    let ticket = studio.post("/api/ticket", &json!({})).expect(200).json();
+    let feed = format!("/api/feed?ticket={}", ticket["ticket"].as_str().unwrap());
+    let with = |header| [&upgrade[..], &[header]].concat();
+    assert_eq!(ask("GET", "/api/feed", &with(cookie)), 401);
+    assert_eq!(ask("GET", &feed, &with(elsewhere)), 403);
+    drop(studio.feed_at(&feed, None));
+    assert_eq!(ask("GET", &feed, &with(page)), 401);
     // Paths that lead out, and asking where something would be started.
     for path in [
         "/../Cargo.toml",
@@ -564,6 +561,81 @@ fn a_new_document_is_saved_under_a_name() {
     studio.end("INT").expect(SUCCESS);
 }
 
+/// A task that was sent by somebody names its world as it likes.
+#[test]
+fn saving_writes_what_was_read_and_asks_before_it_leaves_the_folder() {
+    let yard = Yard::new();
+    copy_rooms(&yard);
+    for folder in ["got", "mine"] {
+        fs::create_dir(yard.path(folder)).unwrap();
+    }
+    let world = || yard.read("two-rooms.world.json");
+    let task = String::from_utf8(yard.read(ROOMS)).unwrap();
+    let naming = |world: &str| task.replace("two-rooms.world.json", world);
+    let robot = json!({"op": "set-seed", "seed": 7});
+    let saved = |studio: &Studio, asked: &Value| {
+        let reply = studio.post("/api/save", asked);
+        (reply.status, reply.json())
+    };
+
+    // The world is the one that was given with the task, not what the task names.
+    yard.write("mine/.profile", "echo mine\n");
+    yard.write("got/a.task.json", naming("../mine/.profile"));
+    yard.write("got/a.world.json", world());
+    let studio = Studio::start(&yard, "got/a.task.json got/a.world.json");
+    studio.edit(&robot);
+    let (status, said) = saved(&studio, &json!({}));
+    assert_eq!(status, 200, "{said}");
+    let files = said["files"].as_array().unwrap();
+    assert!(
+        files[1].as_str().unwrap().ends_with("got/a.world.json"),
+        "{said}"
+    );
+    assert_eq!(yard.read("mine/.profile"), b"echo mine\n");
+    studio.end("INT").expect(SUCCESS);
+
+    // A world outside is written once that was said, whether it is named or a link leads there.
+    yard.write("mine/b.world.json", world());
+    yard.write("got/b.task.json", naming("../mine/b.world.json"));
+    std::os::unix::fs::symlink("../mine/b.world.json", yard.path("got/c.world.json")).unwrap();
+    yard.write("got/c.task.json", naming("c.world.json"));
+    for task in ["got/b.task.json", "got/c.task.json"] {
+        let before = yard.read("mine/b.world.json");
+        let studio = Studio::start(&yard, task);
+        studio.edit(&json!({"op": "set-name", "name": task}));
+        let (status, said) = saved(&studio, &json!({}));
+        assert_eq!(status, 409, "{said}");
+        let outside = fs::canonicalize(yard.path("mine/b.world.json")).unwrap();
+        assert_eq!(said["outside"], json!([outside]));
+        assert_eq!(yard.read("mine/b.world.json"), before);
+        assert_eq!(saved(&studio, &json!({"outside": true})).0, 200);
+        assert_ne!(yard.read("mine/b.world.json"), before);
+        studio.end("INT").expect(SUCCESS);
+    }
+
+    // What became another file meanwhile stays, as does one that has the name by chance.
+    yard.write("got/d.world.json", world());
+    yard.write("got/d.task.json", naming("d.world.json"));
+    let studio = Studio::start(&yard, "got/d.task.json");
+    studio.edit(&robot);
+    yard.write("got/d.world.json", "{}");
+    let (status, said) = saved(&studio, &json!({}));
+    assert_eq!(status, 422, "{said}");
+    assert!(
+        said["error"]
+            .as_str()
+            .unwrap()
+            .contains("no world of this project"),
+        "{said}"
+    );
+    assert_eq!(yard.read("got/d.world.json"), b"{}");
+    yard.write("hall.task.json", "notes");
+    let (status, said) = saved(&studio, &json!({"name": "hall", "replace": true}));
+    assert_eq!(status, 422, "{said}");
+    assert_eq!(yard.read("hall.task.json"), b"notes");
+    studio.end("INT").expect(SUCCESS);
+}
+
 #[test]
 fn files_are_opened_exported_and_saved() {
     let yard = Yard::new();
@@ -932,16 +1004,27 @@ fn a_studio_opens_a_browser_or_says_that_there_is_none() {
         let address = String::from_utf8(yard.read("opened")).unwrap();
         assert!(!address.contains(&studio.token), "{address}");
         let origin = format!("http://127.0.0.1:{}", studio.port);
-        let path = address.strip_prefix(&origin).unwrap();
-        let door = studio.with("GET", path, &[], b"").expect(303);
-        let cookie = door.header("set-cookie").split(';').next().unwrap();
-        studio
-            .with("GET", door.header("location"), &[("Cookie", cookie)], b"")
-            .expect(200);
-        assert_eq!(studio.with("GET", path, &[], b"").status, 401);
+        let first = address.strip_prefix(&format!("{origin}/#token=")).unwrap();
+        let with = |path: &str, key: &str| {
+            let bearer = format!("Bearer {key}");
+            studio.with("POST", path, &[("Authorization", &bearer)], b"")
+        };
+        // It opens the door, once, and nothing else.
+        assert_eq!(with("/api/planners", first).status, 401);
+        let key = with("/api/enter", first).expect(200).json();
+        let key = key["key"].as_str().unwrap();
+        assert!(![first, &studio.token].contains(&key));
+        with("/api/planners", key).expect(200);
+        assert_eq!(with("/api/enter", first).status, 401);
+        // Somebody else's page does not come in unseen.
+        let mut feed = studio.feed();
+        assert_eq!(next_text(&mut feed)["type"], "hello");
+        with("/api/enter", &studio.token).expect(200);
+        assert_eq!(next_text(&mut feed), json!({"type": "newcomer"}));
+        let newcomer = "note: another browser came in; if that was not you, end the studio\n";
         if works {
             let ended = studio.end("INT").expect(SUCCESS);
-            assert_eq!(ended.stderr, "");
+            assert_eq!(ended.stderr, newcomer);
             continue;
         }
         // It is said as soon as the opener has ended.

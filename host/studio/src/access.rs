@@ -1,18 +1,34 @@
-//! Access to the studio: for those who have its token, from a page that it served or from a script.
+//! Access to the studio: for those who have a key of it, from a page that it served or from a script.
 //!
 //! A browser lets any page send requests to any address, also to this machine, and a name may lead
 //! here although it did not when the page was loaded. So a request has to name this server as its
-//! host, has to have the token, which no other page can read or send along, and where it changes
-//! anything has to come from our own page. Scripts send the token themselves, which pages cannot.
+//! host, comes from no other page, and has a key in a header that no browser sends by itself: what it
+//! does send by itself, cookies, goes to every port of a host. Files of the page have no secrets, and
+//! are for everybody who may connect.
+//!
+//! The printed token, and the ticket of the browser that the command starts, are exchanged for keys:
+//! one for each page that comes in. What no page can send a header with, a socket and a new window,
+//! comes with a ticket of its own.
 
+use std::collections::VecDeque;
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
-use axum::http::header::{AUTHORIZATION, COOKIE, HOST, ORIGIN, UPGRADE};
+use axum::http::header::{AUTHORIZATION, HOST, ORIGIN};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode};
 use rustix::rand::{GetRandomFlags, getrandom};
 
 use crate::answer::Refused;
+
+/// The route by which a page comes in.
+pub(crate) const ENTER: &str = "/api/enter";
+
+/// Most keys, and most tickets: the oldest goes.
+const MOST: usize = 256;
+
+/// The time for which a ticket that a page asked for is good.
+const TICKET: Duration = Duration::from_secs(30);
 
 /// Headers of every answer: a page of the studio loads nothing from elsewhere, is shown in no other
 /// page, and says to nobody where it was.
@@ -46,22 +62,34 @@ pub(crate) const HEADERS: [(HeaderName, HeaderValue); 6] = [
     ),
 ];
 
-/// The secret of a studio, and the names by which it may be called.
+/// The secrets of a studio, and the names by which it may be called.
 #[derive(Debug)]
 pub(crate) struct Access {
     address: IpAddr,
     port: u16,
     token: String,
-    /// Stands for the token once: the command line of a browser is for everybody to read.
-    ticket: Mutex<Option<String>>,
+    given: Mutex<Given>,
+}
+
+/// Secrets that were given out.
+#[derive(Debug)]
+struct Given {
+    /// For the browser that is started, once: its command line is for everybody to read.
+    first: Option<String>,
+    /// Of pages that came in.
+    keys: VecDeque<String>,
+    /// For a request each, and when they were given.
+    tickets: VecDeque<(String, Instant)>,
 }
 
 /// A request that may be answered.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Entry {
-    /// By whatever it asks for.
+    /// Of somebody who has shown no key, for a file of the page.
+    Page,
+    /// Of somebody with a key, for whatever it asks for.
     Allowed,
-    /// By this cookie, and the address without the secret.
+    /// Of a page that comes in: by this key, which is its own.
     Welcome(String),
 }
 
@@ -72,23 +100,28 @@ impl Access {
             address,
             port,
             token: secret()?,
-            ticket: Mutex::new(Some(secret()?)),
+            given: Mutex::new(Given {
+                first: Some(secret()?),
+                keys: VecDeque::new(),
+                tickets: VecDeque::new(),
+            }),
         })
     }
 
-    /// The address for people and scripts.
+    fn given(&self) -> MutexGuard<'_, Given> {
+        self.given.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The address for people and scripts. No browser sends what is after the `#`.
     pub(crate) fn printed(&self) -> String {
-        format!("{}/?token={}", self.origin(), self.token)
+        format!("{}/#token={}", self.origin(), self.token)
     }
 
     /// The address for a browser that is started: it is worth something once.
     pub(crate) fn for_browser(&self) -> String {
-        let ticket = self.ticket.lock().unwrap_or_else(PoisonError::into_inner);
-        format!(
-            "{}/?ticket={}",
-            self.origin(),
-            ticket.as_deref().unwrap_or_default()
-        )
+        let given = self.given();
+        let first = given.first.as_deref().unwrap_or_default();
+        format!("{}/#token={first}", self.origin())
     }
 
     fn origin(&self) -> String {
@@ -100,8 +133,24 @@ impl Access {
         format!("http://{host}:{}", self.port)
     }
 
-    /// Lets a request in, or says why not.
-    pub(crate) fn check<B>(&self, request: &Request<B>) -> Result<Entry, Refused> {
+    /// A ticket for one request by `GET`.
+    pub(crate) fn ticket(&self) -> std::io::Result<String> {
+        let ticket = secret()?;
+        let mut given = self.given();
+        given.tickets.push_back((ticket.clone(), Instant::now()));
+        if given.tickets.len() > MOST {
+            given.tickets.pop_front();
+        }
+        Ok(ticket)
+    }
+
+    /// Lets a request in, or says why not. `is_of_the_page` is true of a path that leads to a file of the
+    /// page.
+    pub(crate) fn check<B>(
+        &self,
+        request: &Request<B>,
+        is_of_the_page: bool,
+    ) -> Result<Entry, Refused> {
         let headers = request.headers();
         let host = only(headers, &HOST).filter(|host| self.is_ours(host));
         let named = request.uri().authority();
@@ -114,68 +163,68 @@ impl Access {
             .hint("open the address that the command printed"));
         };
         let ours = |origin: &str| origin.strip_prefix("http://") == Some(host);
-        let elsewhere = || {
-            Refused::new(
+        if headers.contains_key(ORIGIN) && !only(headers, &ORIGIN).is_some_and(ours) {
+            return Err(Refused::new(
                 StatusCode::FORBIDDEN,
                 "the request does not come from this server's page",
             )
-            .hint("a script sends no Origin, and the token in Authorization")
-        };
-        let has_origin = headers.contains_key(ORIGIN);
-        if has_origin && !only(headers, &ORIGIN).is_some_and(ours) {
-            return Err(elsewhere());
+            .hint("a script sends no Origin, and the token in Authorization"));
         }
-        if let Some(cookie) = self.welcome(request) {
-            return Ok(Entry::Welcome(cookie));
-        }
+        let reads = *request.method() == Method::GET;
         let bearer = only(headers, &AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer "));
-        if bearer.is_some_and(|token| same(token, &self.token)) {
+        let ticket = request
+            .uri()
+            .query()
+            .and_then(|query| query.strip_prefix("ticket="));
+        let enters = request.uri().path() == ENTER && *request.method() == Method::POST;
+        if bearer.is_some_and(|key| self.is_key(key) || enters && self.is_first(key)) {
+            return if enters {
+                self.admit()
+            } else {
+                Ok(Entry::Allowed)
+            };
+        }
+        if reads && ticket.is_some_and(|ticket| self.takes(ticket)) {
             return Ok(Entry::Allowed);
         }
-        if !cookies(headers, &self.cookie_name()).any(|token| same(token, &self.token)) {
-            return Err(
-                Refused::new(StatusCode::UNAUTHORIZED, "the token is missing or wrong")
-                    .hint("open the address that the command printed"),
-            );
+        if is_of_the_page && (reads || *request.method() == Method::HEAD) {
+            return Ok(Entry::Page);
         }
-        let only_reads = matches!(*request.method(), Method::GET | Method::HEAD)
-            && !headers.contains_key(UPGRADE);
-        if !only_reads && !has_origin {
-            return Err(elsewhere());
-        }
-        Ok(Entry::Allowed)
+        Err(
+            Refused::new(StatusCode::UNAUTHORIZED, "the token is missing or wrong")
+                .hint("open the address that the command printed"),
+        )
     }
 
-    /// The cookie for somebody who comes with the token or with the ticket.
-    fn welcome<B>(&self, request: &Request<B>) -> Option<String> {
-        let uri = request.uri();
-        if uri.path() != "/" || *request.method() != Method::GET {
-            return None;
-        }
-        let (name, given) = uri.query()?.split_once('=')?;
-        let is_right = match name {
-            "token" => same(given, &self.token),
-            "ticket" => {
-                let mut ticket = self.ticket.lock().unwrap_or_else(PoisonError::into_inner);
-                let right = ticket.as_deref().is_some_and(|ticket| same(given, ticket));
-                if right {
-                    *ticket = None;
-                }
-                right
-            }
-            _ => false,
-        };
-        is_right.then(|| {
-            format!(
-                "{}={}; Path=/; HttpOnly; SameSite=Strict",
-                self.cookie_name(),
-                self.token
-            )
-        })
+    fn is_key(&self, given: &str) -> bool {
+        same(given, &self.token) || self.given().keys.iter().any(|key| same(given, key))
     }
 
-    fn cookie_name(&self) -> String {
-        format!("fleetyard-{}", self.port)
+    /// True of the started browser's ticket, which is worth nothing from then on.
+    fn is_first(&self, given: &str) -> bool {
+        let mut all = self.given();
+        all.first.take_if(|first| same(given, first)).is_some()
+    }
+
+    /// True of a ticket that a page has asked for, which is worth nothing from then on.
+    fn takes(&self, given: &str) -> bool {
+        let mut all = self.given();
+        all.tickets.retain(|(_, since)| since.elapsed() < TICKET);
+        let at = all
+            .tickets
+            .iter()
+            .position(|(ticket, _)| same(given, ticket));
+        at.is_some_and(|at| all.tickets.remove(at).is_some())
+    }
+
+    fn admit(&self) -> Result<Entry, Refused> {
+        let key = secret().map_err(|error| Refused::machine("there are no random bits", error))?;
+        let mut given = self.given();
+        given.keys.push_back(key.clone());
+        if given.keys.len() > MOST {
+            given.keys.pop_front();
+        }
+        Ok(Entry::Welcome(key))
     }
 
     /// True of the names of this server. A number that stands for the address is one; a name that
@@ -218,17 +267,6 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     value.to_str().ok().filter(|_| values.next().is_none())
 }
 
-/// The values of cookies of a name.
-fn cookies<'a>(headers: &'a HeaderMap, name: &str) -> impl Iterator<Item = &'a str> {
-    let values = headers.get_all(COOKIE).iter();
-    let pairs = values.filter_map(|value| value.to_str().ok());
-    let pairs = pairs.flat_map(|value| value.split(';'));
-    pairs.filter_map(move |pair| {
-        let (key, value) = pair.trim().split_once('=')?;
-        (key == name).then_some(value)
-    })
-}
-
 /// True of equal texts, in a time that says nothing of where they differ.
 fn same(given: &str, secret: &str) -> bool {
     let (given, secret) = (given.as_bytes(), secret.as_bytes());
@@ -257,7 +295,8 @@ mod tests {
             let value = value.replace("TOKEN", &access.token);
             request = request.header(*name, value);
         }
-        let asked = access.check(&request.body(()).unwrap());
+        let is_of_the_page = !uri.contains("/api/");
+        let asked = access.check(&request.body(()).unwrap(), is_of_the_page);
         asked.map_err(|refused| refused.status().as_u16())
     }
 
@@ -265,67 +304,68 @@ mod tests {
     fn a_request_names_this_server_has_the_token_and_comes_from_its_page() {
         let access = access("127.0.0.1");
         let host = ("host", "127.0.0.1:8123");
-        let cookie = ("cookie", "a=b; fleetyard-8123=TOKEN");
         let origin = ("origin", "http://127.0.0.1:8123");
         let bearer = ("authorization", "Bearer TOKEN");
         let allowed = Ok(Entry::Allowed);
+        let page = Ok(Entry::Page);
         let cases: &[Case<'_>] = &[
-            ("GET /", &[host, cookie], allowed.clone()),
-            ("GET /", &[host, bearer], allowed.clone()),
+            ("GET /", &[host], page.clone()),
+            ("HEAD /main.js", &[host], page.clone()),
+            ("POST /", &[host], Err(401)),
+            ("GET /api/studio", &[host, bearer], allowed.clone()),
             (
-                "GET /",
-                &[("host", "localhost:8123"), cookie],
+                "GET /api/studio",
+                &[("host", "localhost:8123"), bearer],
                 allowed.clone(),
             ),
-            ("POST /", &[host, cookie, origin], allowed.clone()),
-            ("POST /", &[host, bearer], allowed.clone()),
-            ("GET /", &[host], Err(401)),
+            ("POST /api/edit", &[host, bearer], allowed.clone()),
+            ("POST /api/edit", &[host, bearer, origin], allowed.clone()),
+            ("GET /api/studio", &[host], Err(401)),
+            // A browser sends cookies to every port of a host.
             (
-                "GET /",
-                &[host, ("cookie", "fleetyard-8124=TOKEN")],
+                "GET /api/studio",
+                &[host, ("cookie", "fleetyard-8123=TOKEN")],
                 Err(401),
             ),
             (
-                "GET /",
-                &[host, ("cookie", "fleetyard-8123=TOKEN0")],
+                "GET /api/studio",
+                &[host, ("authorization", "Bearer no")],
                 Err(401),
             ),
-            ("GET /", &[host, ("authorization", "Bearer no")], Err(401)),
-            ("GET /?token=no", &[host], Err(401)),
-            ("GET /?ticket=", &[host], Err(401)),
-            ("GET /", &[cookie], Err(421)),
-            ("GET /", &[("host", "127.0.0.1"), cookie], Err(421)),
-            ("GET /", &[("host", "127.0.0.1:80"), cookie], Err(421)),
             (
-                "GET /",
-                &[("host", "rebound.example:8123"), cookie],
-                Err(421),
+                "GET /api/studio",
+                &[host, ("authorization", "Bearer TOKEN0")],
+                Err(401),
             ),
-            ("GET /", &[("host", "10.0.0.1:8123"), cookie], Err(421)),
-            ("GET /", &[host, host, cookie], Err(421)),
-            ("GET http://rebound.example/", &[host, cookie], Err(421)),
-            ("POST /", &[host, cookie], Err(403)),
-            ("DELETE /", &[host, cookie], Err(403)),
-            ("GET /", &[host, cookie, ("upgrade", "websocket")], Err(403)),
+            ("GET /api/studio", &[host, bearer, bearer], Err(401)),
+            ("GET /api/studio?token=TOKEN", &[host], Err(401)),
+            ("GET /api/studio?ticket=", &[host], Err(401)),
+            ("POST /api/enter", &[host], Err(401)),
+            ("GET /", &[], Err(421)),
+            ("GET /", &[("host", "127.0.0.1")], Err(421)),
+            ("GET /", &[("host", "127.0.0.1:80")], Err(421)),
+            ("GET /", &[("host", "rebound.example:8123")], Err(421)),
+            ("GET /", &[("host", "10.0.0.1:8123"), bearer], Err(421)),
+            ("GET /", &[host, host], Err(421)),
+            ("GET http://rebound.example/", &[host], Err(421)),
             (
-                "GET /",
-                &[host, cookie, origin, ("upgrade", "websocket")],
-                allowed.clone(),
-            ),
-            ("POST /", &[host, cookie, ("origin", "null")], Err(403)),
-            (
-                "POST /",
-                &[host, cookie, ("origin", "http://localhost:8123")],
+                "POST /api/edit",
+                &[host, bearer, ("origin", "null")],
                 Err(403),
             ),
             (
-                "POST /",
+                "POST /api/edit",
+                &[host, bearer, ("origin", "http://localhost:8123")],
+                Err(403),
+            ),
+            (
+                "GET /api/studio",
                 &[host, bearer, ("origin", "http://rebound.example")],
                 Err(403),
             ),
             (
                 "GET /",
-                &[host, cookie, ("origin", "https://127.0.0.1:8123")],
+                &[host, ("origin", "https://127.0.0.1:8123")],
                 Err(403),
             ),
         ];
@@ -334,41 +374,72 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_token_is_a_welcome_and_the_ticket_is_one_once() {
-        let access = access("127.0.0.1");
-        let host = &[("host", "127.0.0.1:8123")];
-        let cookie = format!(
-            "fleetyard-8123={}; Path=/; HttpOnly; SameSite=Strict",
-            access.token
-        );
-        assert_eq!(access.token.len(), 32);
-        let path = |address: String| {
-            let path = address.strip_prefix("http://127.0.0.1:8123").unwrap();
-            format!("GET {path}")
-        };
-        let printed = path(access.printed());
-        for _ in 0..2 {
-            let welcome = Ok(Entry::Welcome(cookie.clone()));
-            assert_eq!(ask(&access, &printed, host), welcome);
+    /// The key of a page that comes in with a secret.
+    fn enter(access: &Access, secret: &str) -> Result<String, u16> {
+        let bearer = format!("Bearer {secret}");
+        let headers = &[("host", "127.0.0.1:8123"), ("authorization", &*bearer)];
+        match ask(access, "POST /api/enter", headers)? {
+            Entry::Welcome(key) => Ok(key),
+            other => panic!("{other:?}"),
         }
-        let once = path(access.for_browser());
-        assert_eq!(ask(&access, &once, host), Ok(Entry::Welcome(cookie)));
-        assert_eq!(ask(&access, &once, host), Err(401));
-        // Only at the door.
-        let elsewhere = printed.replace("/?", "/api/document?");
-        assert_eq!(ask(&access, &elsewhere, host), Err(401));
+    }
+
+    fn secret_of(address: &str) -> &str {
+        address
+            .strip_prefix("http://127.0.0.1:8123/#token=")
+            .unwrap()
+    }
+
+    #[test]
+    fn pages_come_in_by_the_token_and_the_started_browser_once() {
+        let access = access("127.0.0.1");
+        assert_eq!(access.token.len(), 32);
+        let with = |key: &str| {
+            let bearer = format!("Bearer {key}");
+            let headers = &[("host", "127.0.0.1:8123"), ("authorization", &*bearer)];
+            ask(&access, "POST /api/edit", headers)
+        };
+        let token = access.printed();
+        let (one, other) = (
+            enter(&access, secret_of(&token)),
+            enter(&access, secret_of(&token)),
+        );
+        let (one, other) = (one.unwrap(), other.unwrap());
+        assert!(one != other && one != access.token);
+        assert_eq!(
+            (with(&one), with(&other)),
+            (Ok(Entry::Allowed), Ok(Entry::Allowed))
+        );
+        let first = access.for_browser();
+        // It opens the door and nothing else.
+        assert_eq!(with(secret_of(&first)), Err(401));
+        let third = enter(&access, secret_of(&first)).unwrap();
+        assert_eq!(with(&third), Ok(Entry::Allowed));
+        assert_eq!(enter(&access, secret_of(&first)), Err(401));
+        assert_eq!(enter(&access, ""), Err(401));
+        for _ in 0..MOST {
+            enter(&access, &access.token).unwrap();
+        }
+        assert_eq!(with(&one), Err(401));
+    }
+
+    #[test]
+    fn a_ticket_is_good_for_one_request_that_reads() {
+        let access = access("127.0.0.1");
+        let host = ("host", "127.0.0.1:8123");
+        let ticket = access.ticket().unwrap();
+        let ask = |line: &str| ask(&access, &line.replace("TICKET", &ticket), &[host]);
+        assert_eq!(ask("POST /api/edit?ticket=TICKET"), Err(401));
+        assert_eq!(ask("GET /api/feed?ticket=TICKET"), Ok(Entry::Allowed));
+        assert_eq!(ask("GET /api/feed?ticket=TICKET"), Err(401));
     }
 
     #[test]
     fn a_studio_for_others_is_called_by_numbers() {
         let access = access("0.0.0.0");
         let with = |host| {
-            ask(
-                &access,
-                "GET /",
-                &[("host", host), ("cookie", "fleetyard-8123=TOKEN")],
-            )
+            let headers = &[("host", host), ("authorization", "Bearer TOKEN")];
+            ask(&access, "GET /api/studio", headers)
         };
         assert_eq!(with("192.168.7.9:8123"), Ok(Entry::Allowed));
         assert_eq!(with("localhost:8123"), Ok(Entry::Allowed));

@@ -124,6 +124,8 @@ pub(crate) struct Saving {
     name: Option<String>,
     /// Files of this name are replaced.
     replace: bool,
+    /// Files outside of the document's folder are written, too.
+    outside: bool,
 }
 
 /// A request to change the document.
@@ -251,8 +253,10 @@ impl Desk {
 
     /// Opens files that make a document together, in one step of the history.
     pub(crate) fn open(&self, sources: &[Source]) -> Result<(Now, Vec<String>)> {
+        // Reading may take long, and keeps nobody waiting.
+        let current = self.now().document;
+        let opened = files::open(sources, &current)?;
         let mut state = self.state();
-        let opened = files::open(sources, state.history.document())?;
         let notes = state.put(opened)?;
         Ok((state.now(), notes))
     }
@@ -294,7 +298,8 @@ impl Desk {
                 document.set_name(name.clone())?;
                 let files = Files::within(&self.folder, &document);
                 let there = [&files.task, &files.ground].into_iter();
-                let there = there.filter(|file| file.exists() && !asked.replace).min();
+                let is_there = |file: &&PathBuf| file.symlink_metadata().is_ok();
+                let there = there.filter(|file| is_there(file) && !asked.replace).min();
                 if let Some(there) = there {
                     let reason = format!("{} is there already", there.display());
                     return Err(Refused::new(StatusCode::CONFLICT, reason)
@@ -309,6 +314,24 @@ impl Desk {
                 return Err(Refused::new(StatusCode::CONFLICT, reason).hint("give it a name"));
             }
         };
+        // A file that was opened may come from anybody, and name anything.
+        let folder = files.task.parent().unwrap_or(Path::new(""));
+        let outside = files.outside(folder);
+        if !outside.is_empty() && !asked.outside {
+            let outside: Vec<String> = outside
+                .iter()
+                .map(|file| file.display().to_string())
+                .collect();
+            let reason = format!(
+                "{} would be written, outside of the document's folder {}",
+                outside.join(" and "),
+                folder.display()
+            );
+            return Err(Refused::new(StatusCode::CONFLICT, reason)
+                .hint("say that it may, or save under another name")
+                .with("outside", outside));
+        }
+        files.check(&document)?;
         let written = files::save(&document, &files)?;
         let mut state = self.state();
         if let Some(name) = asked.name

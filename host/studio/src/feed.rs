@@ -67,12 +67,33 @@ impl Message {
     }
 }
 
+/// Something that happened, of which there is no more to say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Event {
+    /// Somebody has looked for planners.
+    Planners,
+    /// A recording was opened.
+    Recordings,
+    /// Another page came in.
+    Newcomer,
+}
+
+impl Event {
+    /// The type of its message.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Planners => "planners",
+            Self::Recordings => "recordings",
+            Self::Newcomer => "newcomer",
+        }
+    }
+}
+
 /// News that a page has not been told yet.
 #[derive(Debug, Default)]
 pub(crate) struct News {
     pub(crate) version: Option<u64>,
-    pub(crate) planners: bool,
-    pub(crate) recordings: bool,
+    pub(crate) events: BTreeSet<Event>,
     pub(crate) jobs: BTreeSet<u32>,
     pub(crate) clip: Option<(u32, Arc<[u8]>)>,
     pub(crate) goodbye: bool,
@@ -168,14 +189,11 @@ impl Feed {
         self.all(|news| news.version = Some(version));
     }
 
-    /// Somebody has looked for planners.
-    pub(crate) fn planners(&self) {
-        self.all(|news| news.planners = true);
-    }
-
-    /// A recording was opened.
-    pub(crate) fn recordings(&self) {
-        self.all(|news| news.recordings = true);
+    /// Something happened.
+    pub(crate) fn happened(&self, event: Event) {
+        self.all(|news| {
+            news.events.insert(event);
+        });
     }
 
     /// A job is another than it was, or is gone.

@@ -59,6 +59,11 @@ impl Source {
     fn source(&self) -> String {
         self.path().display().to_string()
     }
+
+    /// The path of a file on a disk.
+    fn on_disk(&self) -> Option<PathBuf> {
+        self.folder.is_some().then(|| self.path())
+    }
 }
 
 /// The files of a document on a disk.
@@ -79,12 +84,63 @@ impl Files {
         }
     }
 
-    /// The ground as the task names it.
+    /// The ground as the task names it: from its folder on, or from the root where it is elsewhere.
     fn named_ground(&self) -> String {
         let folder = self.task.parent().unwrap_or(Path::new(""));
-        let named = self.ground.strip_prefix(folder).unwrap_or(&self.ground);
+        let named = self.ground.strip_prefix(folder).map(Path::to_owned);
+        let named = named.or_else(|_| std::path::absolute(&self.ground));
+        let named = named.unwrap_or_else(|_| self.ground.clone());
         named.display().to_string()
     }
+
+    /// Each of the files that would be replaced, and what it has to be now.
+    fn expected(&self, document: &Document) -> [(&Path, Kind); 2] {
+        let ground = match document.ground {
+            Ground::World(_) => Kind::World,
+            Ground::Map { .. } => Kind::Format(Format::Map),
+        };
+        [(&self.task, Kind::Task), (&self.ground, ground)]
+    }
+
+    /// True places of the files that are not in a folder or below it, as links and names with `..`
+    /// lead out of it.
+    pub fn outside(&self, folder: &Path) -> Vec<PathBuf> {
+        let folder = real(folder);
+        let places = [&self.task, &self.ground].map(|file| real(file));
+        let mut outside: Vec<PathBuf> = Vec::from(places);
+        outside.retain(|place| !place.starts_with(&folder));
+        outside
+    }
+
+    /// Refuses to replace what is no earlier state of a file: a file of another format stays.
+    pub fn check(&self, document: &Document) -> Result<(), InputError> {
+        for (file, expected) in self.expected(document) {
+            // What leads nowhere would be made where it leads.
+            if file.symlink_metadata().is_err() {
+                continue;
+            }
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            let found = read_file(file, MAP_FILE_LIMIT.min(TASK_FILE_LIMIT));
+            let found = found.map(|bytes| Kind::of(&name, &bytes));
+            if found.as_ref().is_ok_and(|found| *found == Some(expected)) {
+                continue;
+            }
+            let reason = format!("this is no {}, and is not replaced", expected.in_words());
+            return Err(InputError::new(file.display().to_string(), reason)
+                .hint("save the document under another name"));
+        }
+        Ok(())
+    }
+}
+
+/// A path without links and `..`, although its file need not be there.
+fn real(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let beside = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize()
+        .ok()
+        .or_else(beside)
+        .unwrap_or(path.clone())
 }
 
 /// A document that was opened.
@@ -122,6 +178,16 @@ impl Kind {
         }
     }
 
+    /// The kind in words, after "no".
+    fn in_words(self) -> String {
+        match self {
+            Self::World => "world of this project".to_owned(),
+            Self::Task => "task of this project".to_owned(),
+            Self::Fleet => "fleet of this project".to_owned(),
+            Self::Format(format) => format!("file of the format `{}`", format.name()),
+        }
+    }
+
     /// True for a plan, on a grid, on a roadmap or in the plane.
     pub fn is_plan(self) -> bool {
         match self {
@@ -148,9 +214,11 @@ pub fn open(sources: &[Source], current: &Document) -> Result<Opened, InputError
 #[derive(Default)]
 struct Given<'a> {
     task: Option<(&'a Source, Task)>,
-    world: Option<Workspace>,
+    /// With where it was read.
+    world: Option<(&'a Source, Workspace)>,
     fleet: Option<FleetFile>,
-    grid: Option<Arc<Grid>>,
+    /// With where it was read.
+    grid: Option<(&'a Source, Arc<Grid>)>,
     agents: Option<AgentList>,
     notes: Vec<String>,
 }
@@ -163,7 +231,7 @@ impl<'a> Given<'a> {
         let is_second = match Kind::of(&source.name, &source.bytes) {
             Some(Kind::World) => {
                 let world = read_workspace(&name, &source.bytes)?;
-                self.world.replace(world).is_some()
+                self.world.replace((source, world)).is_some()
             }
             Some(Kind::Task) => {
                 let task = read_task(&name, &source.bytes)?;
@@ -199,7 +267,7 @@ impl<'a> Given<'a> {
                     return refuse("this is a roadmap, and no piece of ground".into(), hint);
                 }
                 self.notes.extend(notes);
-                let grids = grid.is_some_and(|grid| self.grid.replace(grid).is_some());
+                let grids = grid.is_some_and(|grid| self.grid.replace((source, grid)).is_some());
                 let lists = agents.is_some_and(|list| self.agents.replace(list).is_some());
                 grids || lists
             }
@@ -233,29 +301,32 @@ impl<'a> Given<'a> {
                 .map(Ok)
                 .or_else(|| Some(Source::load(&beside(file)?)))
         };
-        let ground = match &task.place {
+        // The ground, and the file in which it is.
+        let (ground, read) = match &task.place {
             Place::World(file) => match (self.world.take(), named(file)) {
-                (Some(world), _) => world_ground(world),
+                (Some((source, world)), _) => (world_ground(world), source.on_disk()),
                 (None, Some(found)) => {
                     let found = found?;
-                    world_ground(read_workspace(&found.source(), &found.bytes)?)
+                    let world = read_workspace(&found.source(), &found.bytes)?;
+                    (world_ground(world), found.on_disk())
                 }
                 (None, None) => match &current.ground {
-                    Ground::World(_) => current.ground.clone(),
+                    Ground::World(_) => (current.ground.clone(), None),
                     Ground::Map { .. } => return Err(missing(file)),
                 },
             },
             Place::Map { file, cell_size_m } => {
-                let grid = match (self.grid.take(), named(file), &current.ground) {
-                    (Some(grid), ..) => grid,
+                let (grid, read) = match (self.grid.take(), named(file), &current.ground) {
+                    (Some((source, grid)), ..) => (grid, source.on_disk()),
                     (None, Some(found), _) => {
                         let found = found?;
-                        Arc::new(read_map(&found.source(), &found.bytes)?)
+                        let grid = read_map(&found.source(), &found.bytes)?;
+                        (Arc::new(grid), found.on_disk())
                     }
-                    (None, None, Ground::Map { grid, .. }) => Arc::clone(grid),
+                    (None, None, Ground::Map { grid, .. }) => (Arc::clone(grid), None),
                     (None, None, Ground::World(_)) => return Err(missing(file)),
                 };
-                self.map_ground(&grid, *cell_size_m)?
+                (self.map_ground(&grid, *cell_size_m)?, read)
             }
         };
         let (robots, agents) = match &task.fleet {
@@ -280,10 +351,9 @@ impl<'a> Given<'a> {
                 (fleet.profiles, agents.collect())
             }
         };
-        let files = beside("").map(|folder| Files {
-            task: folder.join(&source.name),
-            ground: folder.join(task.files().next().unwrap_or_default()),
-        });
+        // A task is saved where it was read, and its ground where that was read: the task may name anything.
+        let files = source.on_disk().zip(read);
+        let files = files.map(|(task, ground)| Files { task, ground });
         let document = Document {
             name: task.title().to_owned(),
             ground,
@@ -302,7 +372,7 @@ impl<'a> Given<'a> {
         current: &Document,
     ) -> Result<Opened, InputError> {
         let first = sources.first().map_or_else(String::new, Source::source);
-        if let Some(world) = self.world.take() {
+        if let Some((_, world)) = self.world.take() {
             let stem = sources.first().map_or("", |source| source.name.as_str());
             let stem = stem.trim_end_matches(".json").trim_end_matches(".world");
             let name = if world.name.is_empty() {
@@ -318,7 +388,7 @@ impl<'a> Given<'a> {
             return self.opened(document, &first, None);
         }
         let mut document = match (self.grid.take(), &current.ground) {
-            (Some(grid), _) => {
+            (Some((_, grid)), _) => {
                 let cell_size_m = 1.0;
                 Document {
                     name: grid.name().to_owned(),

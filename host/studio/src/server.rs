@@ -8,6 +8,7 @@ use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -20,7 +21,7 @@ use tokio::sync::Notify;
 use crate::access::Access;
 use crate::answer::Refused;
 use crate::desk::Desk;
-use crate::feed::Feed;
+use crate::feed::{Event, Feed};
 use crate::files::{Kind, Source};
 use crate::jobs::{Jobs, News};
 use crate::planners::Planners;
@@ -48,6 +49,8 @@ pub struct Config {
     pub runtime: Runtime,
     /// Arguments of commands that say which plugins may run.
     pub trust: Vec<String>,
+    /// Tells the user what happens while it serves.
+    pub tell: fn(&str),
 }
 
 /// All that requests share.
@@ -63,6 +66,9 @@ pub(crate) struct Studio {
     /// The trial that was opened at the beginning, with its job.
     pub(crate) begun_with: Option<Value>,
     pub(crate) trust: Vec<String>,
+    /// True once a page has come in.
+    is_entered: AtomicBool,
+    tell: fn(&str),
     /// Goes last: jobs work in it.
     _scratch: Scratch,
 }
@@ -140,6 +146,8 @@ impl Server {
             suite,
             begun_with: None,
             trust: config.trust,
+            is_entered: AtomicBool::new(false),
+            tell: config.tell,
             _scratch: scratch,
         };
         let mut notes = studio.begin(&files)?;
@@ -215,6 +223,14 @@ impl Server {
 }
 
 impl Studio {
+    /// A page came in. All are told of any but the first: it may be somebody else's.
+    pub(crate) fn welcome(&self) {
+        if self.is_entered.swap(true, Ordering::Relaxed) {
+            self.feed.happened(Event::Newcomer);
+            (self.tell)("another browser came in; if that was not you, end the studio");
+        }
+    }
+
     /// Opens files: traces, plans, and what makes a document together. Returns what is not kept of them.
     fn begin(&self, files: &[PathBuf]) -> Result<Vec<String>, InputError> {
         let (mut sources, mut plans) = (Vec::new(), Vec::new());

@@ -12,7 +12,7 @@ use fleetyard_bench::report::{Loaded, Report};
 use fleetyard_bench::suite::Question;
 use fleetyard_bench::{Questions, Robots, Row, Store, Value as Cell};
 use fleetyard_check::PathRule;
-use fleetyard_core::{InputError, shown};
+use fleetyard_core::{InputError, SQLITE_MAGIC, shown};
 use fleetyard_sim::SimConfig;
 use fleetyard_sim::motion::PRESETS;
 use fleetyard_sim::noise::Delay;
@@ -34,12 +34,10 @@ const MOST_AT_ONCE: usize = 200;
 const MOST_CHARACTERS: usize = 2000;
 /// Most files of a folder among which a store is looked for.
 const MOST_FILES: usize = 10_000;
-/// The first bytes of a store.
-const MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// True if a file begins as a store does.
 pub(crate) fn is_store(begin: &[u8]) -> bool {
-    begin.starts_with(MAGIC)
+    begin.starts_with(SQLITE_MAGIC)
 }
 
 /// The only store in a folder.

@@ -19,6 +19,7 @@ files![
     "charts.js",
     "commands.js",
     "dom.js",
+    "door.js",
     "drawing.js",
     "edits.js",
     "forms.js",
@@ -48,6 +49,20 @@ files![
     "waits.js",
     "watch.js",
 ];
+
+/// True of a path that leads to a file of the page or of the viewer.
+pub(crate) fn is_file(path: &str) -> bool {
+    match path.strip_prefix('/') {
+        Some("") => true,
+        Some(name) => match name.strip_prefix("viewer/") {
+            Some(name) => fleetyard_view::web()
+                .iter()
+                .any(|(known, ..)| *known == name),
+            None => FILES.iter().any(|(known, _)| *known == name),
+        },
+        None => false,
+    }
+}
 
 /// A file of the page; the page itself without a name.
 pub(crate) fn file(name: &str) -> Response {

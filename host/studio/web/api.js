@@ -1,5 +1,7 @@
 // Talks to the server that sent the page; docs/studio-protocol.md has the routes.
 
+import { keyOf } from './door.js';
+
 /** A refusal of the server: an error, the place in the document, a way out. */
 export class Refusal extends Error {
   constructor(status, { error, place = null, hint = null, ...rest }) {
@@ -14,13 +16,14 @@ export const onDone = (listener) => { done = listener; };
 
 async function ask(path, options = {}) {
   let answer;
+  const headers = { ...options.headers, Authorization: `Bearer ${keyOf()}` };
   try {
-    answer = await fetch('/api' + path, options);
+    answer = await fetch('/api' + path, { ...options, headers });
   } catch {
     throw new Refusal(0, { error: 'the studio does not answer', hint: 'is `fleetyard studio` still running?' });
   }
   if (answer.ok) {
-    if (options.method) done();
+    if (options.method && !options.quiet) done();
     return answer;
   }
   const text = await answer.text();
@@ -48,6 +51,8 @@ export const api = {
     method: 'POST', headers: { 'Content-Type': 'application/octet-stream' }, body: bytes,
   }),
   about: () => json('/studio'),
+  /** For one request that can have no header: a socket, a new window. */
+  ticket: async () => (await json('/ticket', { method: 'POST', quiet: true })).ticket,
   /** Writes the files of the document: those from which it was opened, or, by a name, new ones. */
   save: (how) => post('/save', how),
   exports: () => json('/exports'),
@@ -84,8 +89,17 @@ export class Feed {
     this.connect();
   }
 
-  connect() {
-    const socket = new WebSocket(`ws://${location.host}/api/feed`);
+  again() {
+    this.state(false);
+    if (this.over) return;
+    setTimeout(() => this.connect(), this.wait);
+    this.wait = Math.min(this.wait * 2, 8000);
+  }
+
+  async connect() {
+    let ticket;
+    try { ticket = await api.ticket(); } catch { return void this.again(); }
+    const socket = new WebSocket(`ws://${location.host}/api/feed?ticket=${ticket}`);
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
       this.wait = 250;
@@ -101,17 +115,12 @@ export class Feed {
       if (message.type === 'goodbye') this.over = true;
       this.text(message);
     };
-    socket.onclose = () => {
-      this.state(false);
-      if (this.over) return;
-      setTimeout(() => this.connect(), this.wait);
-      this.wait = Math.min(this.wait * 2, 8000);
-    };
+    socket.onclose = () => this.again();
     this.socket = socket;
   }
 
   send(message) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
   /** Clips of one live fleet, or of none. */

@@ -25,6 +25,7 @@ import { command, menu, offer, palette, register, run, sheet, shownKey } from '.
 import { asSentence, keyOfPlace, placeInWords } from './places.js';
 import { save, saveAs } from './save.js';
 import { readLink, writeLink } from './link.js';
+import { comeIn } from './door.js';
 
 const TABS = [['world', 'World'], ['robots', 'Robots'], ['plan', 'Plan'], ['watch', 'Watch']];
 
@@ -521,6 +522,7 @@ function moved() {
 function heard(message) {
   if (message.type === 'recordings') recordings().catch(() => {});
   if (message.type === 'job-gone') jobs.gone(message.id);
+  if (message.type === 'newcomer') store.refuse({ message: 'another browser came in', hint: 'if that was not you, end the studio' });
   if (message.type === 'refused') store.refuse({ message: message.error, hint: null });
   if (message.type === 'changed' && message.version !== store.version && !store.pending.length) store.load().catch(() => {});
   if (message.type === 'job' && message.job) {
@@ -532,6 +534,7 @@ function heard(message) {
 
 async function begin() {
   try {
+    await comeIn();
     await store.load();
   } catch (error) {
     store.refuse(error);

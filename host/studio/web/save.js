@@ -1,6 +1,6 @@
 // Saves the document: into the files from which it was opened, or under a name that is asked for.
 
-import { $, say } from './dom.js';
+import { $, h, say } from './dom.js';
 import { api } from './api.js';
 import { asSentence } from './places.js';
 
@@ -10,9 +10,22 @@ const told = ({ files }) => say(`saved ${files.join(', ')}`);
 export async function save(store) {
   if (!store.file) return saveAs(store);
   try {
-    told(await api.save());
+    told(await api.save().catch(outside));
     await store.load();
-  } catch (error) { store.refuse(error); }
+  } catch (error) { if (error) store.refuse(error); }
+}
+
+/** Asks before a file is written that is not in the document's folder: the task that names it may be anybody's. */
+async function outside(error) {
+  if (!error.rest?.outside) throw error;
+  const box = $('ask-box');
+  $('ask-text').textContent = 'Outside of the folder of this document:';
+  $('ask-list').replaceChildren(...error.rest.outside.map((file) => h('li', {}, h('code', {}, file))));
+  box.returnValue = '';
+  box.showModal();
+  await new Promise((closed) => { box.addEventListener('close', closed, { once: true }); });
+  if (box.returnValue !== 'write') throw null;
+  return api.save({ outside: true });
 }
 
 /** Asks for a name. A file that is there is replaced only after that is asked for, too. */

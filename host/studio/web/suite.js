@@ -16,6 +16,20 @@ const FIGURES = [
   ['plan_digest', 'plan digest', ''], ['trace_digest', 'trace digest', ''],
 ];
 
+/** Opens the report in a tab of its own, to which no key can be sent but in its address, once. */
+function report(event) {
+  event.preventDefault();
+  // Opened at the click: browsers stop windows that come later.
+  const tab = window.open('about:blank', '_blank');
+  api.ticket().then((ticket) => {
+    const address = `/report?ticket=${ticket}`;
+    if (tab) {
+      tab.opener = null;
+      tab.location.replace(address);
+    } else location.assign(address);
+  }, () => tab?.close());
+}
+
 export class Suite {
   constructor(app, draw) {
     Object.assign(this, { app, redraw: draw, about: null, part: { total: 0, from: 0, trials: [] }, wanted: {}, chosen: null, waits: null, asked: 0 });
@@ -103,7 +117,7 @@ export class Suite {
       }, h('span', {}, String(trial.trial)), h('span', {}, trial.planner), h('small', {}, trial.outcome))))),
       h('div', { class: 'row' }, h('span', { class: 'grow soft' }, part.total ? `${part.from + 1} to ${last} of ${part.total}` : 'No trials.'),
         turn('Back', part.from - AT_ONCE, part.from > 0), turn('Next', last, last < part.total)),
-      h('p', {}, h('a', { class: 'link', href: '/report', target: '_blank', rel: 'noopener' }, 'The report of the suite'))),
+      h('p', {}, h('a', { class: 'link', href: '/report', target: '_blank', onclick: report }, 'The report of the suite'))),
     this.details(waits)];
   }
 

@@ -74,7 +74,7 @@ impl Studio {
         stdout.read_line(&mut address).unwrap();
         started.child.stdout = Some(stdout.into_inner());
         let parts = address.trim().strip_prefix("http://127.0.0.1:");
-        let parts = parts.and_then(|rest| rest.split_once("/?token="));
+        let parts = parts.and_then(|rest| rest.split_once("/#token="));
         let Some((port, token)) = parts else {
             panic!("no address: {address:?}\n{}", started.wait());
         };
@@ -87,7 +87,7 @@ impl Studio {
 
     /// The address with the secret.
     pub fn address(&self) -> String {
-        format!("http://127.0.0.1:{}/?token={}", self.port, self.token)
+        format!("http://127.0.0.1:{}/#token={}", self.port, self.token)
     }
 
     /// The processes of the studio and of its jobs.
@@ -177,20 +177,26 @@ impl Studio {
 
     /// The feed of a script.
     pub fn feed(&self) -> WebSocket<TcpStream> {
+        self.feed_at("/api/feed", Some(&self.token))
+    }
+
+    /// The feed at a path, by a key or without one.
+    pub fn feed_at(&self, path: &str, key: Option<&str>) -> WebSocket<TcpStream> {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        let request = tungstenite::http::Request::builder()
-            .uri(format!("ws://127.0.0.1:{}/api/feed", self.port))
+        let mut request = tungstenite::http::Request::builder()
+            .uri(format!("ws://127.0.0.1:{}{path}", self.port))
             .header("Host", format!("127.0.0.1:{}", self.port))
-            .header("Authorization", format!("Bearer {}", self.token))
             .header("Connection", "Upgrade")
             .header("Upgrade", "websocket")
             .header("Sec-WebSocket-Version", "13")
             .header(
                 "Sec-WebSocket-Key",
                 tungstenite::handshake::client::generate_key(),
-            )
-            .body(())
-            .unwrap();
+            );
+        if let Some(key) = key {
+            request = request.header("Authorization", format!("Bearer {key}"));
+        }
+        let request = request.body(()).unwrap();
         client(request, stream).unwrap().0
     }
 

@@ -56,6 +56,7 @@ pub(crate) fn studio(arguments: &Studio) -> Result<Exit> {
         port: arguments.port,
         runtime: runtime(trust(&arguments.trust)?)?,
         trust: trust_words(&arguments.trust),
+        tell: output::note,
     })?;
     for note in server.notes() {
         output::note(note);

@@ -16,6 +16,7 @@ use super::{Query, SMALL, Shared, apart, body, header, into_file};
 use crate::answer::{Refused, Result};
 use crate::desk::{Changing, Now, Saving, Step};
 use crate::document::runs;
+use crate::feed::Event;
 use crate::files::{Kind, Source, exports};
 use crate::recordings::is_trace;
 use crate::server::Studio;
@@ -103,7 +104,7 @@ async fn open(
         let begin = received?;
         if is_trace(&begin) {
             studio.recordings.open(id, &name, &path)?;
-            studio.feed.recordings();
+            studio.feed.happened(Event::Recordings);
             return Ok(Json(json!({"recording": {"id": id, "name": name}})));
         }
         let bytes = read_file(&path, FILE_BYTES);

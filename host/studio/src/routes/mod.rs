@@ -15,12 +15,12 @@ use axum::Router;
 use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::ws::{Message as Frame, WebSocket, WebSocketUpgrade};
 use axum::extract::{ConnectInfo, FromRequestParts, Path, Request, State};
-use axum::http::header::{ALLOW, CONTENT_TYPE, LOCATION, SET_COOKIE};
+use axum::http::header::{ALLOW, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Json, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use fleetyard_sim::motion::{PRESETS, Profile};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -31,7 +31,7 @@ use tokio::time::timeout;
 use crate::PROTOCOL;
 use crate::access::{Entry, HEADERS};
 use crate::answer::{Refused, Result};
-use crate::feed::{Message, Page};
+use crate::feed::{Event, Message, Page};
 use crate::routes::jobs::make_folder;
 use crate::server::Studio;
 use crate::visitors::Visit;
@@ -43,6 +43,8 @@ pub(crate) const SMALL: usize = 1 << 16;
 const BEGIN: usize = 64;
 /// Longest message of a page.
 const MESSAGE_BYTES: usize = 1 << 16;
+/// The time that a request has for its work.
+const DEADLINE: Duration = Duration::from_mins(1);
 /// The time that a page has to take a message. One that does not is disconnected.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -60,6 +62,7 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
         .route("/api/studio", get(about))
         .route("/api/presets", get(presets))
         .route("/api/planners", get(planners).post(look_for_planners))
+        .route("/api/ticket", post(ticket))
         .route("/api/feed", get(feed))
         .route(
             "/viewer/{name}",
@@ -82,19 +85,20 @@ async fn door(
     next: Next,
 ) -> Response {
     let entry = if visitor.is_known() {
-        studio.access.check(&request)
+        let path = request.uri().path();
+        studio.access.check(&request, web::is_file(path))
     } else {
         let reason = "the request comes from another user of this machine";
         Err(Refused::new(StatusCode::FORBIDDEN, reason))
     };
-    if entry.is_ok() {
+    if matches!(entry, Ok(Entry::Allowed | Entry::Welcome(_))) {
         visitor.let_in();
     }
     let mut response = match entry {
-        Ok(Entry::Allowed) => next.run(request).await,
-        Ok(Entry::Welcome(cookie)) => {
-            let headers = [(LOCATION, "/"), (SET_COOKIE, cookie.as_str())];
-            (StatusCode::SEE_OTHER, headers).into_response()
+        Ok(Entry::Page | Entry::Allowed) => next.run(request).await,
+        Ok(Entry::Welcome(key)) => {
+            studio.welcome();
+            Json(json!({"key": key})).into_response()
         }
         Err(refused) => refused.into_response(),
     };
@@ -199,11 +203,17 @@ async fn into_file(
     received
 }
 
-/// Does work that takes a while where it keeps no other request waiting.
+/// Does work that takes a while where it keeps no other request waiting. Whoever asks has an answer in time:
+/// what cannot be broken off ends by itself, and holds nothing that others need.
 pub(crate) async fn apart<T: Send + 'static>(
     work: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> Result<T> {
-    let done = spawn_blocking(work).await;
+    let Ok(done) = timeout(DEADLINE, spawn_blocking(work)).await else {
+        let seconds = DEADLINE.as_secs();
+        let reason = format!("this takes longer than the {seconds} s that a request has");
+        return Err(Refused::new(StatusCode::SERVICE_UNAVAILABLE, reason)
+            .hint("the file may be too large for a page: use the command line"));
+    };
     done.unwrap_or_else(|error| Err(Refused::machine("the studio failed at this", error)))
 }
 
@@ -213,6 +223,13 @@ async fn about(State(studio): Shared) -> Json<Value> {
         "fleetyard": env!("CARGO_PKG_VERSION"),
         "folder": studio.desk.folder.display().to_string(),
     }))
+}
+
+/// A ticket for a socket or a window of the page.
+async fn ticket(State(studio): Shared) -> Result<Json<Value>> {
+    let ticket = studio.access.ticket();
+    let ticket = ticket.map_err(|error| Refused::machine("there are no random bits", error))?;
+    Ok(Json(json!({"ticket": ticket})))
 }
 
 /// Presets of robots, with a body where they have one.
@@ -244,7 +261,7 @@ async fn planners(State(studio): Shared) -> Json<Value> {
 async fn look_for_planners(State(studio): Shared) -> Result<Json<Value>> {
     apart(move || {
         let found = studio.planners.look();
-        studio.feed.planners();
+        studio.feed.happened(Event::Planners);
         Ok(Json(json!(*found)))
     })
     .await
@@ -324,12 +341,8 @@ impl Studio {
         if let Some(version) = news.version {
             frames.push(text(&json!({"type": "changed", "version": version})));
         }
-        if news.planners {
-            frames.push(text(&json!({"type": "planners"})));
-        }
-        if news.recordings {
-            frames.push(text(&json!({"type": "recordings"})));
-        }
+        let events = news.events.iter();
+        frames.extend(events.map(|event| text(&json!({"type": event.name()}))));
         for id in news.jobs {
             frames.push(text(&match self.jobs.summary(id) {
                 Some(job) => json!({"type": "job", "job": job}),
