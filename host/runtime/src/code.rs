@@ -137,24 +137,14 @@ impl CodeFile {
         }
         let hidden = Hidden::new(hidden, &[], &[]);
         let real = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
-        let mut walk = Walk::elsewhere();
+        let mut walk = Walk::tolerant(Walk::ELSEWHERE_BYTES);
         let is_whole = walk.enter(&real, &real, &hidden)?;
-        let mut hasher = Sha256::new();
-        for file in &walk.files {
-            let known = if is_named && is_whole {
-                Self::of_entry(file.clone()).map_or_else(|_| "closed".into(), |file| file.sha256)
-            } else {
-                let meta = file.symlink_metadata();
-                let (bytes, time_ns) = meta.map_or((0, 0), |meta| Stamp::of(&meta).seen());
-                format!("{bytes} {}", if is_named { time_ns } else { 0 })
-            };
-            let name = file.strip_prefix(&real).unwrap_or(file).as_os_str();
-            for part in [name.as_bytes(), known.as_bytes()] {
-                hasher.update((part.len() as u64).to_le_bytes());
-                hasher.update(part);
-            }
-        }
-        let sha256 = hexadecimal(hasher);
+        let contents = match (is_named, is_whole) {
+            (true, true) => Contents::Read,
+            (true, false) => Contents::ByTime,
+            (false, _) => Contents::BySize,
+        };
+        let sha256 = walk.digest(&real, contents);
         Ok(Self { path, sha256 })
     }
 
@@ -229,10 +219,27 @@ impl PluginFile {
         Ok(Identity { digest, code })
     }
 
-    /// The part of the identity that is the plugin's own: cheap to look at again.
+    /// The part of the identity that is the plugin's own: cheap to look at again. Of a folder with more
+    /// than a lock takes there are the files that are started, and one digest of names, sizes and times.
     pub fn own_code(&self, hidden: &[PathBuf]) -> Result<Vec<CodeFile>, Fault> {
-        let mut code = self.whole(hidden)?;
-        code.retain(|file| !is_cache(&file.path));
+        let mut code = self.code()?;
+        let needed: Vec<PathBuf> = code.iter().map(|code| code.path.clone()).collect();
+        let mut walk = Walk::tolerant(Walk::OWN_BYTES);
+        let is_whole = self.walk_own(&mut walk, &needed, hidden)?;
+        if !is_whole {
+            let path = needed.first().and_then(|file| file.parent());
+            let path = path.unwrap_or(Path::new("/")).to_owned();
+            let sha256 = walk.digest(&path, Contents::ByTime);
+            code.push(CodeFile { path, sha256 });
+            return Ok(code);
+        }
+        for path in walk.files.into_iter().filter(|path| !needed.contains(path)) {
+            // One that the host's user cannot read is closed to the plugin, too.
+            let closed = |error: std::io::Error| error.kind() == ErrorKind::PermissionDenied;
+            if path.is_symlink() || !fs::File::open(&path).is_err_and(closed) {
+                code.push(CodeFile::of_entry(path)?);
+            }
+        }
         Ok(code)
     }
 
@@ -268,26 +275,38 @@ impl PluginFile {
     /// stand alone.
     pub fn whole(&self, hidden: &[PathBuf]) -> Result<Vec<CodeFile>, Fault> {
         let mut code = self.code()?;
-        let Some(file) = self.path() else {
-            return Ok(code);
-        };
         let needed: Vec<PathBuf> = code.iter().map(|code| code.path.clone()).collect();
-        let mut places = own(file);
-        // The name that the file goes by is that of its neighbours.
-        places.sort_by_key(|place| !file.starts_with(place));
-        let mut walk = Walk::own();
-        let mut walked = BTreeSet::new();
-        for place in places {
-            let real = fs::canonicalize(&place).unwrap_or_else(|_| place.clone());
-            if walked.insert(real.clone()) {
-                let hidden = Hidden::new(hidden, &aside(&place, file), &needed);
-                walk.enter(&place, &real, &hidden)?;
-            }
-        }
+        let mut walk = Walk::strict();
+        self.walk_own(&mut walk, &needed, hidden)?;
         for path in walk.files.into_iter().filter(|path| !needed.contains(path)) {
             code.push(CodeFile::of_entry(path)?);
         }
         Ok(code)
+    }
+
+    /// Finds what is the plugin's own. False if that is more than the most.
+    fn walk_own(
+        &self,
+        walk: &mut Walk,
+        needed: &[PathBuf],
+        hidden: &[PathBuf],
+    ) -> Result<bool, Fault> {
+        let Some(file) = self.path() else {
+            return Ok(true);
+        };
+        let mut places = own(file);
+        // The name that the file goes by is that of its neighbours.
+        places.sort_by_key(|place| !file.starts_with(place));
+        let mut walked = BTreeSet::new();
+        let mut is_whole = true;
+        for place in places {
+            let real = fs::canonicalize(&place).unwrap_or_else(|_| place.clone());
+            if walked.insert(real.clone()) {
+                let hidden = Hidden::new(hidden, &aside(&place, file), needed);
+                is_whole &= walk.enter(&place, &real, &hidden)?;
+            }
+        }
+        Ok(is_whole)
     }
 
     fn code_paths(&self) -> Result<Vec<PathBuf>, Fault> {
@@ -310,25 +329,65 @@ struct Walk {
     refuses: bool,
 }
 
+/// The part of a digest of a folder that stands for the content of a file.
+#[derive(Clone, Copy, PartialEq)]
+enum Contents {
+    /// Itself.
+    Read,
+    /// Its length and the time of its last change.
+    ByTime,
+    /// Its length.
+    BySize,
+}
+
 impl Walk {
-    /// In a plugin's own folder.
-    fn own() -> Self {
+    const OWN_BYTES: u64 = 8 << 30;
+    const ELSEWHERE_BYTES: u64 = 1 << 30;
+
+    /// With a fault where there is too much.
+    fn strict() -> Self {
+        Self {
+            refuses: true,
+            ..Self::tolerant(Self::OWN_BYTES)
+        }
+    }
+
+    /// With less said of what has more than so many bytes, or too many files, and nothing of what Python
+    /// compiled.
+    fn tolerant(most_bytes: u64) -> Self {
         Self {
             files: BTreeSet::new(),
             bytes: 0,
             most_files: 50_000,
-            most_bytes: 8 << 30,
-            refuses: true,
+            most_bytes,
+            refuses: false,
         }
     }
 
-    /// In a folder that is not a plugin's own, as the installation of an interpreter.
-    fn elsewhere() -> Self {
-        Self {
-            most_bytes: 1 << 30,
-            refuses: false,
-            ..Self::own()
+    /// One digest of all files, by their names from `base` on.
+    fn digest(&self, base: &Path, contents: Contents) -> String {
+        let mut hasher = Sha256::new();
+        for file in &self.files {
+            let known = if contents == Contents::Read {
+                let entry = CodeFile::of_entry(file.clone());
+                entry.map_or_else(|_| "closed".into(), |file| file.sha256)
+            } else {
+                let meta = file.symlink_metadata();
+                let (bytes, time_ns) = meta.map_or((0, 0), |meta| Stamp::of(&meta).seen());
+                let time_ns = if contents == Contents::ByTime {
+                    time_ns
+                } else {
+                    0
+                };
+                format!("{bytes} {time_ns}")
+            };
+            let name = file.strip_prefix(base).unwrap_or(file).as_os_str();
+            for part in [name.as_bytes(), known.as_bytes()] {
+                hasher.update((part.len() as u64).to_le_bytes());
+                hasher.update(part);
+            }
         }
+        hexadecimal(hasher)
     }
 
     /// Takes in what is at `path`, which without links is `real`. False if there is more than the most,
@@ -378,5 +437,54 @@ impl Walk {
             });
         }
         Ok(is_within)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_too_much_there_is_a_digest_of_what_can_be_seen() {
+        let folder = tempfile::tempdir().unwrap();
+        let base = fs::canonicalize(folder.path()).unwrap();
+        for name in ["b", "a", "d", "c", "__pycache__"] {
+            fs::create_dir_all(base.join(name)).unwrap();
+            fs::write(base.join(name).join("file"), name).unwrap();
+        }
+        let hidden = Hidden::new(&[], &[], &[]);
+        let walk = |most_files, refuses| {
+            let mut walk = Walk {
+                most_files,
+                refuses,
+                ..Walk::tolerant(1 << 20)
+            };
+            let is_whole = walk.enter(&base, &base, &hidden);
+            is_whole.map(|is_whole| (is_whole, walk))
+        };
+        let (is_whole, all) = walk(4, false).unwrap();
+        assert_eq!((is_whole, all.files.len()), (true, 4));
+        let (is_whole, first) = walk(2, false).unwrap();
+        let names: Vec<_> = first
+            .files
+            .iter()
+            .map(|file| file.strip_prefix(&base))
+            .collect();
+        assert!(!is_whole);
+        assert_eq!(
+            names,
+            ["a/file", "b/file", "c/file"].map(|name| Ok(Path::new(name)))
+        );
+        assert!(walk(2, true).is_err_and(|fault| fault.to_string().contains("more than 2 files")));
+        // What was compiled is no part but for a lock.
+        assert_eq!(walk(5, true).unwrap().1.files.len(), 5);
+        let digests = |contents| (walk(9, false).unwrap().1.digest(&base, contents), contents);
+        let before = [Contents::Read, Contents::ByTime, Contents::BySize].map(digests);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        fs::write(base.join("a/file"), "A").unwrap();
+        for (digest, contents) in before {
+            let is_same = digests(contents).0 == digest;
+            assert_eq!(is_same, contents == Contents::BySize);
+        }
     }
 }

@@ -383,6 +383,7 @@ fn own_variable(text: &str, id: &str) -> Result<(), Fault> {
         _ => '_',
     };
     let own: String = id.chars().map(capital).collect();
+    variable_name(text)?;
     let rest = text.strip_prefix(&own);
     if rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_')) {
         return Ok(());

@@ -61,7 +61,7 @@ otherwise = "2.x"
 
 [program]
 command = "bin/solver"
-variable = "SOLVER"
+variable = "MY_SOLVER_V2"
 args = [
     "-m={map}", "-i", "{scen}", "{{literal}}",
     { when = "option.greedy", args = ["--greedy"] },
