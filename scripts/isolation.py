@@ -126,6 +126,7 @@ GROUPS = {
             Behaviour(fault, by, "", "--cpu 300ms", limits="cpu", sort="hidden")
             for fault, by in [("autoreaped-children", "cp"), ("no-child-wait", "c")]
         ),
+        Behaviour("re-rolls", "p"),
         Behaviour("grandchild", "cpr"),
         Behaviour("daemon", "cp"),
         Behaviour("comet", "cp"),

@@ -362,6 +362,18 @@ def spin_processes(call):
 
 
 @fault
+def re_rolls(_):
+    """Four children want the core at a time, and then nobody does: it waited, as it seems."""
+    for _ in range(4):
+        if os.fork() == 0:
+            take_name()
+            while time.process_time() < 0.03:
+                pass
+            linger()
+    time.sleep(0.3)
+
+
+@fault
 def autoreaped_children(call):
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     wanted, made = call.count(200), 0

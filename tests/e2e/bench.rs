@@ -941,7 +941,9 @@ fn a_disturbed_trial_has_as_many_attempts_as_it_is_given() {
     assert_eq!(made["again"], again);
     for row in &rows {
         assert!((1..=3).contains(&attempts(row)), "{row:?}");
-        assert!(row.contended.is_empty() || attempts(row) == 3, "{row:?}");
+        let disturbed = row.contended_by_others.unwrap();
+        assert!(!disturbed || !row.contended.is_empty(), "{row:?}");
+        assert!(!disturbed || attempts(row) == 3, "{row:?}");
     }
     // Another number of attempts is no other trial.
     let resumed = yard
@@ -1024,6 +1026,44 @@ fn who_forges_its_time_does_not_rank_first_and_is_named() {
     line.push("fault=forged-time".into());
     let told = yard.run(&line).expect(SUCCESS);
     assert!(told.stdout.contains("time of work"), "{told}");
+}
+
+/// Children of a planner that want its only core keep each other waiting; it was made again for that
+/// until its dice were good.
+#[test]
+fn who_waits_for_its_own_children_is_not_asked_again() {
+    if !have("python3") {
+        eprintln!("skipped: there is no python3");
+        return;
+    }
+    let yard = Yard::new();
+    let roller = format!(
+        "label = \"roller\"\nplugin = \"{}\"\noptions = {{ fault = \"re-rolls\" }}",
+        faulty_program().display()
+    );
+    let text = suite("[3]", "retry_contended = 2\nrepeats = 4")
+        .replace("plugin = \"pibt\"\nattach = \"in-process\"", &roller);
+    yard.write("s.toml", text);
+    // Where it has no core of its own, nobody can tell whose doing it is.
+    for (pin, store) in [(true, "pinned.sqlite"), (false, "anywhere.sqlite")] {
+        let line = format!("bench s.toml --set sandbox.pin={pin} --store {store} --format json");
+        yard.line(&line).expect(SUCCESS);
+        let rows = rows(&yard.path(store));
+        let rolled = || rows.iter().filter(|row| row.planner == "roller");
+        assert_eq!(rolled().count(), 4);
+        for row in rolled() {
+            // What others did meanwhile may be there as well.
+            let own = row.contended_by_others == Some(false);
+            assert!(own || row.contended.contains("by others"), "{row:?}");
+            assert!(own || row.attempts == Some(3), "{row:?}");
+            assert!(row.run_delay_ms.is_none_or(|delay| delay > 20.0), "{row:?}");
+        }
+        if !pin {
+            let stolen = |row: &&Row| row.contended.contains("steal");
+            let once = rolled().filter(|row| row.attempts == Some(1)).count();
+            assert!(once == 4 || rolled().any(|row| stolen(&row)), "{rows:?}");
+        }
+    }
 }
 
 #[test]

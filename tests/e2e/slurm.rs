@@ -126,10 +126,11 @@ fn suite(yard: &Yard, name: &str, planners: &[&str], agents: &str) {
 /// The part of a trial that is the same wherever and whenever it is made. Slurm's daemons may be in
 /// other control groups than this test: the limits that the kernel enforces depend on the place.
 fn lasting(store: &Path) -> Vec<String> {
-    const OF_THE_PLACE: [&str; 7] = [
+    const OF_THE_PLACE: [&str; 8] = [
         "rtf",
         "peak_memory_kb",
         "contended",
+        "contended_by_others",
         "attempts",
         "machine",
         "limits_watched",

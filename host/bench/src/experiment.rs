@@ -632,6 +632,7 @@ impl Row {
 
     /// Takes the reasons for which its times cannot be compared with others.
     pub(crate) fn found_contended(&mut self, reasons: &[Reason]) {
+        self.contended_by_others = Some(reasons.iter().any(|reason| reason.by_others));
         let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
         self.contended = reasons.join("; ");
     }

@@ -188,6 +188,7 @@ impl FleetModules {
         let spent = Spent {
             wall: Duration::from_secs_f64(load.elapsed_ms / 1e3),
             cpu: None,
+            cpu_most: None,
             run_delay: None,
             threads: config.allowance.threads,
             call: Call::default(),

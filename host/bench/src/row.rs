@@ -349,7 +349,9 @@ columns! {
     cpus: Option<String>,
     /// Reasons why the times cannot be compared with others; empty when they can.
     contended: String,
-    /// Attempts at the trial until nobody disturbed it; absent where each trial has one.
+    /// True if others are known to have disturbed it, which alone makes a trial be made again.
+    contended_by_others: Option<bool>,
+    /// Attempts at the trial until others did not disturb it; absent where each trial has one.
     attempts: Option<u32>,
     /// Digest of the machine's description.
     machine: String,

@@ -396,14 +396,21 @@ impl Trial<'_> {
             cpu_source: usage.cpu_source,
             run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
         };
-        let sum = |a: Option<u64>, b: Option<u64>| Some(a? + b?);
-        let first = prepared.map(|prepared| prepared.usage).unwrap_or_default();
+        // Of both calls; of one where the map was known.
+        let sum = |of: fn(&CallUsage) -> Option<u64>| {
+            let first = prepared.map_or(Some(0), |prepared| of(&prepared.usage));
+            micros(Some(first? + of(&run.usage)?))
+        };
         // What a solver used is gone with it unless its group counted it.
         let whole = attach != Attach::Command || run.usage.cpu_source == Some(Source::Cgroup);
         let spent = Spent {
             wall: run.planning + prepared.map_or(Duration::ZERO, |prepared| prepared.wall),
-            cpu: micros(sum(first.cpu_us, run.usage.cpu_us)),
-            run_delay: micros(sum(first.run_delay_us, run.usage.run_delay_us)),
+            cpu: sum(|usage| usage.cpu_us),
+            cpu_most: sum(|usage| {
+                let is_whole = usage.cpu_source == Some(Source::Cgroup);
+                Some(usage.cpu_us? + usage.before_us?).filter(|_| is_whole)
+            }),
+            run_delay: sum(|usage| usage.run_delay_us),
             threads: self.host.budget.threads,
             call: Call {
                 wall: run.planning,

@@ -108,6 +108,10 @@ pub struct CallUsage {
     /// Time in which they could have run but others did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run_delay_us: Option<u64>,
+    /// Processor time of all from the end of the call before, or of making the plugin, until this
+    /// one began; absent where there was none before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before_us: Option<u64>,
 }
 
 /// The limits of one call; 0 stands for none.

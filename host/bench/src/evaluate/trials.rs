@@ -144,6 +144,20 @@ impl<'a> Trials<'a> {
         cases.flat_map(|case| case.repeats.iter().copied())
     }
 
+    /// The attempts of every planner whose trials might be made again, in words; `None` if none were.
+    pub fn attempts(&self) -> Option<String> {
+        let counts = self.planners.iter();
+        let counts = counts.filter_map(|planner| Some((&planner.label, planner.attempts()?)));
+        let again = |(_, (trials, attempts)): (_, (u64, u64))| attempts > trials;
+        let each = counts
+            .clone()
+            .map(|(label, (trials, attempts))| format!("{label} {attempts} for {trials}"));
+        counts
+            .clone()
+            .any(again)
+            .then(|| each.collect::<Vec<_>>().join(", "))
+    }
+
     /// The shared-success subset: numbers of the instances that every planner solved
     /// (equation 19 of the maze paper).
     pub fn shared(&self) -> Vec<usize> {
@@ -196,6 +210,16 @@ impl<'a> Planner<'a> {
         self.cases
             .iter()
             .flat_map(|case| case.repeats.iter().copied())
+    }
+
+    /// The numbers of its trials that might be made again, and of their attempts; `None` if there are
+    /// none.
+    pub fn attempts(&self) -> Option<(u64, u64)> {
+        let attempts = self.rows().filter_map(|row| row.attempts);
+        attempts.fold(None, |sum, attempts| {
+            let (trials, all) = sum.unwrap_or_default();
+            Some((trials + 1, all + u64::from(attempts)))
+        })
     }
 }
 

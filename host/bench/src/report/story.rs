@@ -235,10 +235,11 @@ pub(super) fn caveats(trials: &Trials<'_>, evaluation: &Evaluation) -> Vec<Strin
         caveats.push(format!(
             "{} ran while others used the machine; their times are among the numbers. Long trials are \
              disturbed more often, so that leaving these out keeps what is short and easy: `bench \
-             --retry-contended` makes them again.",
+             --retry-contended` makes them again where it is known to be others' doing.",
             plural(contended, "trial")
         ));
     }
+    caveats.extend(attempts(trials));
     caveats.extend(crowds(trials));
     caveats.extend(transport(trials, evaluation));
     caveats.extend(attachments(trials));
@@ -411,6 +412,15 @@ fn attachments(trials: &Trials<'_>) -> Option<String> {
             each.collect::<Vec<_>>().join(", ")
         )
     })
+}
+
+/// The sentence about trials that were made again, with the attempts of every planner.
+fn attempts(trials: &Trials<'_>) -> Option<String> {
+    let each = trials.attempts()?;
+    Some(format!(
+        "Trials that others disturbed were made again, and the first attempt that they did not disturb \
+         counts (attempts for trials): {each}."
+    ))
 }
 
 /// The sentences about planners that learn the map for longer than they plan, which no time of a plan
@@ -625,6 +635,21 @@ mod tests {
         let order =
             "By PAR-2 (mean time, a failure as two budgets) 2 of 3 places are others: b, a, weak.";
         assert!(told.contains(order), "{told}");
+    }
+
+    #[test]
+    fn attempts_are_told_by_planner() {
+        let made = |planner: &str, instance: usize, attempts: Option<u32>| Row {
+            attempts,
+            ..solved(planner, instance, Some(1.0))
+        };
+        let said = |rows: &[Row]| attempts(&Trials::new(rows));
+        let mut rows = vec![made("a", 0, Some(1)), made("b", 0, Some(1))];
+        assert_eq!(said(&rows), None);
+        rows.extend([made("a", 1, Some(1)), made("b", 1, Some(6))]);
+        rows.push(made("c", 0, None));
+        let told = said(&rows).unwrap();
+        assert!(told.ends_with(": a 2 for 2, b 7 for 2."), "{told}");
     }
 
     #[test]

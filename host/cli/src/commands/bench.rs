@@ -598,15 +598,19 @@ fn report(
             if ran.again > 0 {
                 let _ = write!(text, ", disturbed attempts made again: {}", ran.again);
             }
+            let attempts = trials_of.attempts();
             if let Some(shard) = shard {
                 let _ = write!(text, "; shard {shard}");
+            }
+            if let Some(attempts) = attempts {
+                let _ = write!(text, "\nattempts  {attempts} trials");
             }
             let contended = evaluation.overview.contended;
             if contended > 0 {
                 let _ = write!(
                     text,
-                    "\n{} disturbed by others: the times of these cannot be compared; end what else computes \
-                     here, and `--retry-contended 3` makes such trials again",
+                    "\n{} disturbed: the times of these cannot be compared; end what else computes here, and \
+                     `--retry-contended 3` makes those again that others are known to have disturbed",
                     trials(contended as u64)
                 );
             }

@@ -44,6 +44,8 @@ pub(crate) struct Monitor {
     standing: Standing,
     call: CallLimits,
     at_start: Times,
+    /// At the end of the call before, or when the plugin had been made.
+    at_end: Times,
     tick_us: u64,
     memory: Memory,
     peak_memory_kb: u64,
@@ -65,6 +67,7 @@ impl Monitor {
                 cpu_ns: 0,
             },
             at_start: Times::default(),
+            at_end: Times::default(),
             tick_us: 1_000_000 / ticks,
             memory: Memory::new(standing.network),
             peak_memory_kb: 0,
@@ -103,7 +106,9 @@ impl Monitor {
             cpu_us: since(now.cpu_us, self.at_start.cpu_us),
             cpu_source: now.cpu_source,
             run_delay_us: since(now.run_delay_us, self.at_start.run_delay_us),
+            before_us: since(self.at_start.cpu_us, self.at_end.cpu_us),
         };
+        self.at_end = now;
         self.call.cpu_ns = 0;
         usage
     }

@@ -3,6 +3,12 @@
 //! [`contended`] compares a [`Difference`] of the kernel's counters with thresholds. Times from
 //! `/proc/stat` come in ticks, mostly of 10 ms: a trial shorter than a few of them can hardly
 //! be found contended.
+//!
+//! A planner may want to be measured again until the dice are good, so that each [`Reason`] also says
+//! whether it is known to be *others'* doing. Time that threads wait counts only as far as somebody
+//! else had the cores: who starts more threads than it has cores waits for itself. Most of the other
+//! causes a planner can bring about: it can make the machine short of memory, its supervisor slow,
+//! and its own claim too small.
 
 use std::fmt;
 use std::time::Duration;
@@ -84,6 +90,9 @@ pub struct Spent {
     pub wall: Duration,
     /// CPU time of its whole process tree, in user mode and in the kernel.
     pub cpu: Option<Duration>,
+    /// CPU time of its process tree between the snapshots at most, that between its calls included;
+    /// absent where processes may have used some of which nobody was told.
+    pub cpu_most: Option<Duration>,
     /// Time that its threads were ready to run and did not.
     pub run_delay: Option<Duration>,
     /// The number of threads that it was allowed to compute with.
@@ -184,6 +193,9 @@ pub struct Reason {
     pub ms: f64,
     /// The longest that would have passed.
     pub limit_ms: f64,
+    /// True if it is known to be others' doing, which nothing that the planner does can bring about.
+    #[serde(default)]
+    pub by_others: bool,
 }
 
 impl fmt::Display for Reason {
@@ -192,11 +204,13 @@ impl fmt::Display for Reason {
             cause,
             ms,
             limit_ms,
+            by_others,
         } = self;
+        let by = if *by_others { ", by others" } else { "" };
         let digits = if *limit_ms < 1.0 { 2 } else { 1 };
         write!(
             f,
-            "{cause}: {ms:.digits$} ms, more than {limit_ms:.digits$} ms"
+            "{cause}: {ms:.digits$} ms, more than {limit_ms:.digits$} ms{by}"
         )
     }
 }
@@ -210,8 +224,13 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
     let stalled = |pressure: Option<Pressure>| Some(pressure?.some_us as f64 / 1000.0);
     let wall = milliseconds(spent.wall);
     let call = milliseconds(spent.call.wall);
+    let others = spent
+        .cpu
+        .and_then(|cpu| difference.others(cpu, spent.cpu_most));
+    let others_most = others.map_or(f64::INFINITY, |others| others.most_ms);
+    let others_least = others.map_or(0.0, |others| others.least_ms);
     // What the trial's threads got less than they might have had. More threads than
-    // cores delay each other, and only this can be others' doing.
+    // cores delay each other, and only this can be others' doing, so far as they had the cores.
     let idle = spent
         .cpu
         .map(|cpu| (threads * wall - milliseconds(cpu)).max(0.0));
@@ -220,7 +239,10 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
         (Some(delay), None) => Some((RUN_DELAY, milliseconds(delay), threads)),
         (None, Some(idle)) if spent.threads <= 1 => Some((NOT_RUNNING, idle, 1.0)),
         (None, _) => None,
-    };
+    }
+    .map(|(threshold, ms, threads)| (threshold, ms.min(others_most), threads));
+    // Who sleeps does not run either.
+    let waited_for_others = spent.run_delay.map_or(0.0, |_| others_least);
     let quota = difference.quota_us.map(|us| us as f64 / 1000.0);
     let thermal = difference.thermal_ms.map(|ms| ms as f64);
     let throttled = [quota, thermal].into_iter().flatten().reduce(f64::max);
@@ -268,10 +290,22 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
         .filter_map(|(cause, threshold, time, ms)| {
             let limit_ms = threshold.ms(time);
             let ms = ms.filter(|ms| *ms > limit_ms)?;
+            let by_others = match cause {
+                Cause::Steal => true,
+                Cause::Waited => waited_for_others > limit_ms,
+                Cause::BusyNeighbour => others_least > limit_ms,
+                Cause::PressureCpu
+                | Cause::PressureMemory
+                | Cause::PressureIo
+                | Cause::Throttled
+                | Cause::HostWaited
+                | Cause::Handover => false,
+            };
             Some(Reason {
                 cause,
                 ms,
                 limit_ms,
+                by_others,
             })
         });
     reasons.collect()
@@ -281,11 +315,15 @@ pub fn contended(difference: &Difference, spent: &Spent) -> Vec<Reason> {
 mod tests {
     use super::*;
     use crate::measure::Cpus;
-    use crate::measure::load::Pressures;
+    use crate::measure::load::{Bounds, Pressures};
     use proptest::prelude::*;
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
+    }
+
+    fn busy(least_ms: f64, most_ms: f64) -> Bounds {
+        Bounds { least_ms, most_ms }
     }
 
     /// A trial of a second on one CPU, with nothing to say against it.
@@ -313,6 +351,7 @@ mod tests {
         let spent = Spent {
             wall: ms(1000),
             cpu: Some(ms(990)),
+            cpu_most: Some(ms(990)),
             run_delay: Some(ms(10)),
             threads: 1,
             call: Call {
@@ -334,7 +373,7 @@ mod tests {
             (
                 "steal",
                 |d, _| d.steal_ms = Some(21),
-                &["steal: 21.0 ms, more than 20.0 ms"],
+                &["steal: 21.0 ms, more than 20.0 ms, by others"],
             ),
             (
                 "as much steal for four threads",
@@ -387,6 +426,67 @@ mod tests {
                     s.run_delay = Some(ms(1));
                 },
                 &[],
+            ),
+            (
+                "children of its own had the core, and then all of them slept",
+                |d, s| {
+                    (s.cpu, s.cpu_most) = (Some(ms(400)), Some(ms(400)));
+                    s.run_delay = Some(ms(1200));
+                    d.busy_ms = Some(410);
+                    d.busy = Some(busy(405.0, 415.0));
+                },
+                &[],
+            ),
+            (
+                "others had the core meanwhile",
+                |d, s| {
+                    (s.cpu, s.cpu_most) = (Some(ms(400)), Some(ms(400)));
+                    s.run_delay = Some(ms(1200));
+                    d.busy_ms = Some(500);
+                    d.busy = Some(busy(495.0, 505.0));
+                },
+                &[
+                    "waited: 105.0 ms, more than 20.0 ms, by others",
+                    "busy-neighbour: 100.0 ms, more than 50.0 ms, by others",
+                ],
+            ),
+            (
+                "perhaps they had: some of its own time may not have been counted",
+                |d, s| {
+                    (s.cpu, s.cpu_most) = (Some(ms(400)), None);
+                    s.run_delay = Some(ms(1200));
+                    d.busy_ms = Some(500);
+                    d.busy = Some(busy(495.0, 505.0));
+                },
+                &[
+                    "waited: 105.0 ms, more than 20.0 ms",
+                    "busy-neighbour: 100.0 ms, more than 50.0 ms",
+                ],
+            ),
+            (
+                "perhaps they had: it was too short for ticks to tell",
+                |d, s| {
+                    *d = Difference {
+                        elapsed_ms: 9.0,
+                        cpus: d.cpus.take(),
+                        busy_ms: Some(10),
+                        busy: Some(busy(0.0, 9.0)),
+                        ..Difference::default()
+                    };
+                    (s.wall, s.cpu, s.cpu_most) = (ms(9), Some(ms(2)), Some(ms(2)));
+                    s.run_delay = Some(ms(1));
+                },
+                &["waited: 1.00 ms, more than 0.20 ms"],
+            ),
+            (
+                "what it used between its calls is its own",
+                |d, s| {
+                    (s.cpu, s.cpu_most) = (Some(ms(400)), Some(ms(500)));
+                    s.run_delay = Some(ms(1200));
+                    d.busy_ms = Some(450);
+                    d.busy = Some(busy(495.0, 505.0));
+                },
+                &["waited: 105.0 ms, more than 20.0 ms"],
             ),
             (
                 "too many threads of its own wait for each other",
@@ -535,6 +635,7 @@ mod tests {
                     *s = Spent {
                         wall: Duration::ZERO,
                         cpu: Some(Duration::ZERO),
+                        cpu_most: None,
                         run_delay: Some(Duration::ZERO),
                         threads: 0,
                         call: Call::default(),
@@ -567,6 +668,7 @@ mod tests {
                 cpus: busy_ms.map(|_| Cpus::default()),
                 steal_ms,
                 busy_ms,
+                busy: thermal_ms.map(|least| busy(least as f64, least as f64 + 20.0)),
                 pressure: Pressures { cpu: stalled, memory: stalled, io: stalled },
                 thermal_ms,
                 quota_us,
@@ -575,6 +677,7 @@ mod tests {
             let spent = Spent {
                 wall: Duration::from_nanos(wall),
                 cpu: cpu.map(Duration::from_micros),
+                cpu_most: steal_ms.map(Duration::from_micros),
                 run_delay: delay.map(Duration::from_micros),
                 threads,
                 call: Call {
@@ -600,8 +703,9 @@ mod tests {
             cause: Cause::BusyNeighbour,
             ms: 100.0,
             limit_ms: 50.0,
+            by_others: true,
         };
-        let text = r#"{"cause":"busy-neighbour","ms":100.0,"limit_ms":50.0}"#;
+        let text = r#"{"cause":"busy-neighbour","ms":100.0,"limit_ms":50.0,"by_others":true}"#;
         assert_eq!(serde_json::to_string(&reason).unwrap(), text);
         assert_eq!(serde_json::from_str::<Reason>(text).unwrap(), reason);
         for cause in [Cause::Steal, Cause::PressureIo, Cause::Waited] {

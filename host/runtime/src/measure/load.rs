@@ -19,6 +19,8 @@ pub struct Snapshot {
     at: Instant,
     cpus: Option<Cpus>,
     ticks: Option<Ticks>,
+    /// The time for which tasks ran on those CPUs, to the nanosecond.
+    ran_ns: Option<u64>,
     pressure: Pressures,
     load: Option<[f64; 3]>,
     /// Of each CPU.
@@ -31,7 +33,30 @@ pub struct Snapshot {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Ticks {
     busy: u64,
+    /// Times in which a CPU had nothing to run, waiting for a disk included.
+    idle: u64,
     steal: Option<u64>,
+}
+
+/// Bounds of a time in milliseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bounds {
+    /// It was at least as long.
+    pub least_ms: f64,
+    /// It was at most as long.
+    pub most_ms: f64,
+}
+
+impl Bounds {
+    /// The time without a part of it, which has bounds of its own; no part is known to be at most
+    /// so long without `most`.
+    fn less(self, least: Duration, most: Option<Duration>) -> Self {
+        let less = |ms: f64, part: Duration| (ms - milliseconds(part)).max(0.0);
+        Self {
+            least_ms: most.map_or(0.0, |most| less(self.least_ms, most)),
+            most_ms: less(self.most_ms, least),
+        }
+    }
 }
 
 /// The time for which tasks were stalled for want of something, in microseconds.
@@ -83,6 +108,7 @@ impl Snapshot {
             at: Instant::now(),
             cpus: cpus.cloned(),
             ticks: Ticks::read(&stat, cpus),
+            ran_ns: cpus.and_then(|cpus| read_ran(&source.raw("proc/schedstat")?, cpus)),
             pressure: Pressures {
                 // The second line of this one is there, and always zero.
                 cpu: pressure("cpu").map(|cpu| Pressure {
@@ -127,8 +153,14 @@ impl Snapshot {
             let pairs = self.quota.iter().zip(&before.quota);
             pairs.filter(|_| self.quota.len() == before.quota.len())
         };
+        let elapsed_ms = milliseconds(self.at.saturating_duration_since(before.at));
         Difference {
-            elapsed_ms: self.at.saturating_duration_since(before.at).as_secs_f64() * 1000.0,
+            elapsed_ms,
+            busy: self
+                .cpus
+                .as_ref()
+                .filter(|_| same)
+                .and_then(|cpus| self.busy(before, elapsed_ms * cpus.len() as f64, hertz)),
             cpus: self.cpus.clone(),
             steal_ms: ticks
                 .and_then(|(now, then)| gained(now.steal, then.steal))
@@ -170,11 +202,45 @@ impl Snapshot {
     }
 }
 
+impl Snapshot {
+    /// The time for which the watched CPUs ran tasks since then, of `whole_ms` of all of them
+    /// together.
+    ///
+    /// Busy times of `/proc/stat` are not used: where the kernel counts them at its ticks, who runs
+    /// at every tick for a moment has all of the time. Idle times are measured, and only written
+    /// in ticks.
+    fn busy(&self, before: &Self, whole_ms: f64, hertz: u64) -> Option<Bounds> {
+        if let (Some(now), Some(then)) = (self.ran_ns, before.ran_ns) {
+            let ran_ms = now.saturating_sub(then) as f64 / 1e6;
+            return Some(Bounds {
+                least_ms: ran_ms,
+                most_ms: ran_ms,
+            });
+        }
+        let (now, then) = self.ticks.zip(before.ticks)?;
+        let cpus = self.cpus.as_ref()?.len() as f64;
+        let tick_ms = 1000.0 / hertz.max(1) as f64;
+        let ms = |now: u64, then: u64| now.saturating_sub(then) as f64 * tick_ms;
+        let idle_ms = ms(now.idle, then.idle);
+        let stolen_ms = match (now.steal, then.steal) {
+            (Some(now), Some(then)) => ms(now, then) + cpus * tick_ms,
+            _ => 0.0,
+        };
+        // Idle time is the sum of two figures, and each loses up to a tick at both ends.
+        let blur_ms = 2.0 * cpus * tick_ms;
+        Some(Bounds {
+            least_ms: (whole_ms - idle_ms - blur_ms - stolen_ms).max(0.0),
+            most_ms: (whole_ms - (idle_ms - blur_ms).max(0.0)).max(0.0),
+        })
+    }
+}
+
 impl Ticks {
     /// The sum over these CPUs, or all; absent when one of them is not there.
     fn read(stat: &str, cpus: Option<&Cpus>) -> Option<Self> {
         let mut sum = Self {
             busy: 0,
+            idle: 0,
             steal: Some(0),
         };
         let mut missing = cpus.map_or(1, |cpus| cpus.len());
@@ -196,18 +262,36 @@ impl Ticks {
             // user and nice already.
             let fields = fields.filter(|field| !field.is_empty());
             let times: Vec<u64> = fields.map_while(|field| field.parse().ok()).collect();
-            let [user, nice, system, _idle, _iowait, irq, softirq, rest @ ..] = times.as_slice()
+            let [user, nice, system, idle, iowait, irq, softirq, rest @ ..] = times.as_slice()
             else {
                 return None;
             };
             for time in [user, nice, system, irq, softirq] {
                 sum.busy = sum.busy.saturating_add(*time);
             }
+            sum.idle = sum.idle.saturating_add(*idle).saturating_add(*iowait);
             let steal = rest.first();
             sum.steal = sum.steal.and_then(|sum| sum.checked_add(*steal?));
         }
         (missing == 0).then_some(sum)
     }
+}
+
+/// The time for which tasks ran on these CPUs, in nanoseconds; absent when one of them is not there.
+fn read_ran(schedstat: &str, cpus: &Cpus) -> Option<u64> {
+    let mut missing = cpus.len();
+    let mut sum: u64 = 0;
+    for line in schedstat.lines() {
+        let mut fields = line.split_whitespace();
+        let name = fields.next().and_then(|name| name.strip_prefix("cpu"));
+        if !name.is_some_and(|name| name.parse().is_ok_and(|cpu| cpus.has(cpu))) {
+            continue;
+        }
+        // The seventh figure, in all versions of the file.
+        sum = sum.saturating_add(fields.nth(6)?.parse().ok()?);
+        missing = missing.saturating_sub(1);
+    }
+    (missing == 0).then_some(sum)
 }
 
 fn read_pressure(text: &str) -> Option<Pressure> {
@@ -295,6 +379,9 @@ pub struct Difference {
     pub steal_ms: Option<u64>,
     /// CPU time of everybody on those CPUs, the trial's included.
     pub busy_ms: Option<u64>,
+    /// Bounds of that where CPUs were given, which nobody's choice of moments changes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub busy: Option<Bounds>,
     /// Stalls on the whole machine.
     pub pressure: Pressures,
     /// Load averages over 1, 5 and 15 minutes at the beginning.
@@ -318,6 +405,11 @@ impl Difference {
         self.cpus.as_ref()?;
         let busy = self.busy_ms? as f64;
         Some((busy - milliseconds(cpu)).max(0.0))
+    }
+
+    /// Bounds of the same, for a trial that used at least `least` and at most `most`, if that is known.
+    pub(super) fn others(&self, least: Duration, most: Option<Duration>) -> Option<Bounds> {
+        Some(self.busy?.less(least, most))
     }
 }
 
@@ -452,6 +544,40 @@ mod tests {
         // A CPU that is not there makes the sum unknown, not smaller.
         let missing = difference(&Fixture::new(BEFORE), Some("1-2"), AFTER);
         assert_eq!((missing.steal_ms, missing.busy_ms), (None, None));
+    }
+
+    /// A CPU was busy when it was not idle, or exactly so long as tasks are counted to have run.
+    #[test]
+    fn busy_times_have_bounds() {
+        let cpus: Cpus = "1".parse().unwrap();
+        let stat = |idle: u64, steal: u64| format!("cpu 0\ncpu1 9 0 9 {idle} 0 0 0 {steal}");
+        let fixture = Fixture::new(&[]);
+        let take = |files: &[(&str, &str)]| {
+            for (path, text) in files {
+                fixture.write(path, text);
+            }
+            Snapshot::from_source(&fixture.source(), Some(&cpus))
+        };
+        let before = take(&[("proc/stat", &stat(5000, 0))]);
+        // A second, of which it was idle for 600 ms and stolen for 100 ms, give or take 10 ms.
+        let after = take(&[("proc/stat", &stat(5060, 10))]);
+        let bounds = |least_ms, most_ms| Some(Bounds { least_ms, most_ms });
+        assert_eq!(after.busy(&before, 1000.0, 100), bounds(270.0, 420.0));
+        // Too short for ticks to tell.
+        assert_eq!(before.busy(&before, 9.0, 100), bounds(0.0, 9.0));
+        // Versions differ in what stands around the figure.
+        let schedstat = |ran: u64| {
+            format!(
+                "version 17\ntimestamp 4\ncpu0 1 0 2 3 4 5 6 7 8\ncpu1 1 0 2 3 4 5 {ran} 7 8\ndomain0 MC 3 1 2"
+            )
+        };
+        let before = take(&[("proc/schedstat", &schedstat(1_000_000))]);
+        let after = take(&[("proc/schedstat", &schedstat(4_500_000))]);
+        assert_eq!(after.busy(&before, 1000.0, 100), bounds(3.5, 3.5));
+        let busy = after.busy(&before, 1000.0, 100).unwrap();
+        let ms = Duration::from_millis;
+        assert_eq!(Some(busy.less(ms(2), Some(ms(3)))), bounds(0.5, 1.5));
+        assert_eq!(Some(busy.less(ms(2), None)), bounds(0.0, 1.5));
     }
 
     #[test]

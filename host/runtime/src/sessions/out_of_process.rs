@@ -213,7 +213,9 @@ impl<T: Transport> Attachment for Client<T> {
         };
         let deadline = Deadline::after(self.now_ns(), self.limits.startup);
         let answer = self.ask("create", params, deadline)?;
-        succeeded("create", read("create", &answer)?)
+        succeeded("create", read("create", &answer)?)?;
+        // From here on it has nothing to do until it is called.
+        self.finish("create").map(drop)
     }
 
     fn prepare(
