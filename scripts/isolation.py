@@ -127,6 +127,7 @@ GROUPS = {
             for fault, by in [("autoreaped-children", "cp"), ("no-child-wait", "c")]
         ),
         Behaviour("re-rolls", "p"),
+        Behaviour("works-between-calls", "p"),
         Behaviour("grandchild", "cpr"),
         Behaviour("daemon", "cp"),
         Behaviour("comet", "cp"),

@@ -54,6 +54,11 @@ class Faulty:
             time.sleep(0.4)
         if fault == "fails":
             raise fleetyard.Failure("failed as asked")
+        if fault == "works-between-calls" and self.calls == 1 and os.fork() == 0:
+            end = time.monotonic() + 60
+            while time.monotonic() < end:
+                pass
+            os._exit(0)
         return fault
 
     def walk(self, instance):
@@ -90,6 +95,7 @@ class Planner(Faulty, fleetyard.Planner):
         "crash",
         "late",
         "tardy",
+        "works-between-calls",
         "fails",
         "gives-up",
         "nonsense",

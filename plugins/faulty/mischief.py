@@ -362,6 +362,17 @@ def spin_processes(call):
 
 
 @fault
+def works_between_calls(_):
+    """A child goes on when nobody asks."""
+    if os.fork() == 0:
+        take_name()
+        end = time.monotonic() + LIFETIME_S
+        while time.monotonic() < end:
+            pass
+        os._exit(0)
+
+
+@fault
 def re_rolls(_):
     """Four children want the core at a time, and then nobody does: it waited, as it seems."""
     for _ in range(4):

@@ -1066,6 +1066,45 @@ fn who_waits_for_its_own_children_is_not_asked_again() {
     }
 }
 
+/// A kept process that computed while others were asked had the figures of its calls alone.
+#[test]
+fn who_works_between_its_calls_is_unranked() {
+    if !have("python3") {
+        eprintln!("skipped: there is no python3");
+        return;
+    }
+    let yard = Yard::new();
+    let planner = |label: &str, options: &str| {
+        let plugin = faulty_program();
+        let plugin = plugin.display();
+        format!("label = \"{label}\"\nplugin = \"{plugin}\"\noptions = {{ {options} }}")
+    };
+    let worker = planner(
+        "worker",
+        "fault = \"works-between-calls\", during = \"create\"",
+    );
+    // It takes a while, in which the other has nothing to do.
+    let sleeper = planner("sleeper", "fault = \"forged-time\"");
+    let text = suite("[3]", "repeats = 4")
+        .replace("plugin = \"pibt\"\nattach = \"in-process\"", &worker)
+        .replace(
+            "label = \"LaCAM\"\nplugin = \"lacam\"\noptions = { anytime = false }",
+            &sleeper,
+        );
+    yard.write("s.toml", text);
+    yard.line("bench s.toml").expect(SUCCESS);
+    let rows = rows(&yard.path("small.sqlite"));
+    let of = |planner: &'static str| rows.iter().filter(move |row| row.planner == planner);
+    let why = |row: &Row| row.unranked.clone().unwrap_or_default();
+    let told = of("worker").filter(|row| why(row).contains("between calls"));
+    assert!(told.count() >= 1, "{rows:#?}");
+    let between: f64 = of("worker")
+        .filter_map(|row| row.cpu_between_calls_ms)
+        .sum();
+    assert!(between > 100.0, "{between}");
+    assert!(of("sleeper").all(|row| row.ranked), "{rows:#?}");
+}
+
 #[test]
 fn a_first_plan_that_breaks_a_rule_is_no_first_solution() {
     if !have("python3") {

@@ -708,6 +708,25 @@ fn a_late_planner_keeps_its_process_and_a_planner_that_hangs_is_not_waited_for()
     assert!(times["p50"].as_f64().unwrap() < 790.0, "{times}");
 }
 
+/// A child that computed between the calls went unseen: figures were of the calls alone.
+#[test]
+fn work_between_calls_is_counted_and_told() {
+    let line = run("--clock realtime --duration 3s --option fault=works-between-calls");
+    let ended = Yard::new().run(&line).expect(SUCCESS);
+    let metrics = &ended.json()["metrics"];
+    let between_ms = metrics["planner_cpu_between_calls_ms"].as_f64().unwrap();
+    assert!(between_ms > 200.0, "{ended}");
+    let told = run("--clock realtime --duration 3s --option fault=works-between-calls").join(" ");
+    let told = Yard::new()
+        .line(&told.replace(" --format json", ""))
+        .expect(SUCCESS);
+    let warning = "the planner worked when it was not asked: its processes used";
+    assert!(told.stderr.contains(warning), "{told}");
+    let line = run("--clock realtime --duration 3s");
+    let honest = Yard::new().run(&line).expect(SUCCESS);
+    assert!(!honest.stderr.contains(warning), "{honest}");
+}
+
 #[test]
 fn the_fail_policy_gets_paths_that_collide_and_no_others() {
     let fails_without = "--fail-option fault=no-paths";

@@ -247,7 +247,7 @@ impl<'s> Experiment<'s> {
         let instance = &self.instances[planned.instance];
         let planner = &self.planners[planned.planner];
         let limits = self.host.runtime.limits();
-        let unranked = record::unranked(planner.plugin.attach(), limits, None, None, []);
+        let unranked = record::unranked(planner.plugin.attach(), limits, None, None, None, []);
         let started_unix_ms = now_unix_ms();
         let mut row = Row {
             key: self.schedule.key(planned),
@@ -292,7 +292,7 @@ impl<'s> Experiment<'s> {
                 });
             };
             let (attach, limits) = (planner.plugin.attach(), self.host.runtime.limits());
-            row.unranked = record::unranked(attach, limits, None, None, error.fault());
+            row.unranked = record::unranked(attach, limits, None, None, None, error.fault());
             row.ranked = row.unranked.is_none();
             row.termination = termination.to_string();
             row.fault = Some(error.to_string());
@@ -720,7 +720,11 @@ impl Row {
             self.throughput_per_s =
                 (simulated_s > 0.0).then(|| f64::from(execution.arrived) / simulated_s);
         }
-        self.cpu_time_ms = record.measurement.plan.cpu_ms;
+        self.cpu_time_ms = measurement.plan.cpu_ms;
+        let learning = measurement.prepare.as_ref();
+        let before = [learning, Some(&measurement.plan)].into_iter().flatten();
+        let before = before.filter_map(|call| call.cpu_before_ms);
+        self.cpu_between_calls_ms = before.reduce(|a, b| a + b);
         let usage = record.resources.as_ref();
         self.peak_memory_kb = usage.and_then(|usage| usage.peak_memory_kb);
         self.found_contended(&record.measurement.contended);

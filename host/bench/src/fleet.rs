@@ -241,7 +241,8 @@ impl Drive {
     /// The reason why the row may not be compared with others; `None` when it may.
     pub(crate) fn unranked(&self, attach: Attach, limits: &Limits) -> Option<String> {
         let (sandbox, usage) = (self.sandbox.as_ref(), self.usage.as_ref());
-        let unranked = || unranked(attach, limits, sandbox, usage, []);
+        let work = Some(self.outcome.metrics.planner_work());
+        let unranked = || unranked(attach, limits, sandbox, usage, work, []);
         self.unsupervised.clone().or_else(unranked)
     }
 
@@ -276,6 +277,7 @@ impl Drive {
         row.solve_time_ms = times.mean;
         row.planning_time_ms = times.mean * metrics.planner_calls as f64;
         row.planner_call_max_ms = Some(times.max);
+        row.cpu_between_calls_ms = metrics.planner_cpu_between_calls_ms;
         row.planner_calls = Some(metrics.planner_calls);
         row.fail_policy_ratio = Some(metrics.fail_policy_ratio);
         row.all_waits = Some(metrics.all_waits);

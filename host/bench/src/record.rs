@@ -10,7 +10,7 @@ use fleetyard_core::{Digest, Words as _, one_line};
 use fleetyard_runtime::measure::{Cpus, Difference, Machine, Reason};
 use fleetyard_runtime::{
     Attach, BrokenPromise, CodeFile, Fault, Layer, Level, Limit, Limits, SandboxReport, Source,
-    Termination, Usage,
+    Termination, Usage, Work,
 };
 use fleetyard_sim::{Figures, Policy};
 use fleetyard_views::{Judged, Representation};
@@ -95,8 +95,8 @@ pub struct PlannerInfo {
     pub ranked: bool,
     /// The reason why it may not: nothing is isolated in the host's own process and without a
     /// sandbox,
-    /// nobody was held to a limit whose supervisor was lost, and processor time that is limited
-    /// has to be known.
+    /// nobody was held to a limit whose supervisor was lost, processor time that is limited
+    /// has to be known, and who works between its calls has longer than its budget.
     pub unranked: Option<String>,
     /// Its file; absent for built-ins.
     pub path: Option<String>,
@@ -147,6 +147,8 @@ pub struct CallInfo {
     pub cpu_source: Option<Source>,
     /// The time for which it was ready to run and had no processor.
     pub run_delay_ms: Option<f64>,
+    /// Processor time since the call before, or since the plugin was made, until this one began.
+    pub cpu_before_ms: Option<f64>,
 }
 
 /// The host's own thread while a planner planned.
@@ -356,6 +358,7 @@ pub(crate) fn unranked<'f>(
     limits: &Limits,
     sandbox: Option<&SandboxReport>,
     usage: Option<&Usage>,
+    work: Option<Work>,
     faults: impl IntoIterator<Item = &'f Fault>,
 ) -> Option<String> {
     let mut faults = faults.into_iter();
@@ -372,8 +375,10 @@ pub(crate) fn unranked<'f>(
     if cpu_is_limited && sandbox.is_some_and(|sandbox| sandbox.only_watches(Limit::Cpu)) {
         return Some("its limit of processor time was only watched, not enforced".into());
     }
-    let lost = usage.is_some_and(|usage| usage.cpu_lost);
-    lost.then(|| "processes of it ended without their processor time being known".into())
+    if usage.is_some_and(|usage| usage.cpu_lost) {
+        return Some("processes of it ended without their processor time being known".into());
+    }
+    work.and_then(Work::excess)
 }
 
 /// The limits that were only watched, if there are any.

@@ -337,6 +337,9 @@ columns! {
     adg_nodes_max: Option<u64>,
     /// Processor time of the call; a lower bound where `limits_watched` has `cpu`.
     cpu_time_ms: Option<f64>,
+    /// Processor time of its processes before the trial's calls, since the call before; of a fleet,
+    /// between all calls of its planner.
+    cpu_between_calls_ms: Option<f64>,
     /// Largest resident memory of the plugin's processes together.
     peak_memory_kb: Option<u64>,
     /// Time for which threads of the call were ready to run and did not.

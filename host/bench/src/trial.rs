@@ -277,6 +277,7 @@ impl Trial<'_> {
             self.host.runtime.limits(),
             sandbox.as_ref(),
             usage.as_ref(),
+            run.usage.work,
             run.fault.iter().chain(late),
         );
         let mut record = Record {
@@ -395,6 +396,7 @@ impl Trial<'_> {
             cpu_ms: micros(usage.cpu_us).map(milliseconds),
             cpu_source: usage.cpu_source,
             run_delay_ms: micros(usage.run_delay_us).map(milliseconds),
+            cpu_before_ms: micros(usage.before_us).map(milliseconds),
         };
         // Of both calls; of one where the map was known.
         let sum = |of: fn(&CallUsage) -> Option<u64>| {

@@ -61,6 +61,8 @@ pub(crate) struct Answer {
     pub(crate) planner_ms: Option<f64>,
     /// Processor time of the planner, if it was asked and that is known.
     pub(crate) planner_cpu_ms: Option<f64>,
+    /// The same since the planner's call before, until this one began.
+    pub(crate) planner_cpu_before_ms: Option<f64>,
     /// Expansions of its search, as it says.
     pub(crate) expansions: Option<f64>,
     /// Robots that the planner says it holds back.
@@ -216,6 +218,7 @@ impl Pipeline {
             motion: state.next.motion,
             planner_ms: None,
             planner_cpu_ms: None,
+            planner_cpu_before_ms: None,
             expansions: None,
             held_back: None,
             recovery_ms: None,
@@ -415,7 +418,9 @@ impl Pipeline {
         let agents = call.state.next.agents() as f64;
         let held = run.metrics.get(HELD_BACK).copied();
         answer.held_back = held.filter(|held| (0.0..=agents).contains(held));
-        answer.planner_cpu_ms = run.usage.cpu_us.map(|cpu_us| cpu_us as f64 / 1000.0);
+        let ms = |us: u64| us as f64 / 1000.0;
+        answer.planner_cpu_ms = run.usage.cpu_us.map(ms);
+        answer.planner_cpu_before_ms = run.usage.before_us.map(ms);
         let mut notice = |kind, message| {
             answer.notices.push(Notice {
                 kind,

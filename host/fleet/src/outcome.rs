@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetyard_core::{Digest, words};
+use fleetyard_runtime::Work;
 use fleetyard_sim::Figures;
 use serde::{Deserialize, Serialize};
 
@@ -238,6 +239,18 @@ impl Decay {
     }
 }
 
+impl FleetMetrics {
+    /// Processor time of the planner's calls and between them, as far as it is known.
+    pub fn planner_work(&self) -> Work {
+        let us = |ms: f64| (ms * 1e3) as u64;
+        let calls = self.planner_cpu_ms.as_ref();
+        Work {
+            calls_us: calls.map_or(0, |times| us(times.mean * self.planner_calls as f64)),
+            between_us: us(self.planner_cpu_between_calls_ms.unwrap_or(0.0)),
+        }
+    }
+}
+
 /// The figures that runs are compared by.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FleetMetrics {
@@ -263,6 +276,9 @@ pub struct FleetMetrics {
     /// Processor times of the planner's calls, where they are known of all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planner_cpu_ms: Option<CallTimes>,
+    /// Processor time of the planner between its calls, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner_cpu_between_calls_ms: Option<f64>,
     /// Wall-clock times of the fail policy's calls.
     pub fail_policy_time_ms: CallTimes,
     /// Share of robots and time spent standing still, be it to wait or at a goal.

@@ -135,6 +135,9 @@ pub struct Round {
     /// Processor time of the planner, if it was asked and that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner_cpu_ms: Option<f64>,
+    /// The same since the planner's call before, until this one began.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner_cpu_before_ms: Option<f64>,
     /// Expansions of the planner's search, as it says; absent if it says nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expansions: Option<f64>,
@@ -344,6 +347,7 @@ impl Recording {
                     for (key, time_ms) in [
                         ("planner_ms", round.planner_ms),
                         ("planner_cpu_ms", round.planner_cpu_ms),
+                        ("planner_cpu_before_ms", round.planner_cpu_before_ms),
                         ("recovery_ms", round.recovery_ms),
                     ] {
                         if let Some(time_ms) = time_ms.filter(|time| !CALL_MS.contains(time)) {

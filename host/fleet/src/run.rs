@@ -760,6 +760,7 @@ impl<'a> Run<'a> {
             paths: plan.and_then(|plan| to_moves(plan, self.ground.grid.cols())),
             planner_ms: answer.planner_ms,
             planner_cpu_ms: answer.planner_cpu_ms,
+            planner_cpu_before_ms: answer.planner_cpu_before_ms,
             expansions: answer.expansions,
             held_back: answer.held_back,
             recovery_ms: answer.recovery_ms,

@@ -38,6 +38,8 @@ pub(crate) struct Tally {
     limit_s: f64,
     planner_ms: Vec<f64>,
     planner_cpu_ms: Vec<f64>,
+    /// Sum over calls, where it is known.
+    planner_cpu_before_ms: Option<f64>,
     /// Sum over calls of the robots that the planner says it holds back.
     held_back: f64,
     recovery_ms: Vec<f64>,
@@ -93,6 +95,7 @@ impl Tally {
             limit_s: config.limit_s,
             planner_ms: Vec::new(),
             planner_cpu_ms: Vec::new(),
+            planner_cpu_before_ms: None,
             unplanned: 0,
             held_back: 0.0,
             recovery_ms: Vec::new(),
@@ -109,6 +112,9 @@ impl Tally {
         self.calls += 1;
         self.planner_ms.extend(round.planner_ms);
         self.planner_cpu_ms.extend(round.planner_cpu_ms);
+        if let Some(before_ms) = round.planner_cpu_before_ms {
+            *self.planner_cpu_before_ms.get_or_insert_default() += before_ms;
+        }
         self.held_back += round.held_back.unwrap_or(0.0);
         self.unplanned += u64::from(round.by != By::Planner);
         self.fail_calls += u64::from(round.recovery_ms.is_some());
@@ -218,6 +224,7 @@ impl Tally {
             late: Late::of(&self.planner_ms, self.limit_s),
             planner_cpu_ms: (self.planner_cpu_ms.len() == self.planner_ms.len())
                 .then(|| CallTimes::of(self.planner_cpu_ms.clone())),
+            planner_cpu_between_calls_ms: self.planner_cpu_before_ms,
             fail_policy_time_ms: CallTimes::of(self.recovery_ms.clone()),
             waiting_share: share(self.waited, blocks * agents as u64),
             held_back: (self.held_back > 0.0).then(|| self.held_back / self.calls as f64),

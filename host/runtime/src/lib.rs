@@ -61,7 +61,7 @@ pub use sessions::plan_run::{CallReport, HostTime, PlanRun, Termination};
 pub use sessions::runtime::Runtime;
 pub use sessions::session::{Contract, Introduction, Session};
 pub use sessions::{adapter, bounds, message};
-pub use usage::{CallUsage, Limit, Source, Usage};
+pub use usage::{CallUsage, Limit, Source, Usage, Work};
 
 /// Supervisors: processes that own the process tree of a plugin each.
 pub mod supervisor {

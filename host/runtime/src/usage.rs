@@ -1,5 +1,7 @@
 //! Resources: those with limits, and what calls and plugins used of them.
 
+use std::time::Duration;
+
 use fleetyard_core::words;
 use serde::{Deserialize, Serialize};
 
@@ -112,6 +114,43 @@ pub struct CallUsage {
     /// one began; absent where there was none before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before_us: Option<u64>,
+    /// Processor times of all calls so far, this one included, and between them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub work: Option<Work>,
+}
+
+/// Processor time of a plugin's calls, and between them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Work {
+    /// In calls, their grace included.
+    pub calls_us: u64,
+    /// From when the plugin had been made until the last call, without the calls.
+    pub between_us: u64,
+}
+
+impl Work {
+    /// Processor time between calls that needs no calls to be explained.
+    pub const FREE: Duration = Duration::from_millis(100);
+    /// The part of its calls' processor time that a plugin may use between them: to free what they
+    /// have left takes less.
+    pub const SHARE: f64 = 0.1;
+
+    /// The work between calls, in words, where it is more than calls leave to be done: who works
+    /// then has longer than its budget, and the processors of others.
+    pub fn excess(self) -> Option<String> {
+        let Self {
+            calls_us,
+            between_us,
+        } = self;
+        let most_us = Self::FREE.as_micros() as f64 + Self::SHARE * calls_us as f64;
+        (between_us as f64 > most_us).then(|| {
+            format!(
+                "its processes used {:.2} s of processor time between calls, and {:.2} s in them",
+                between_us as f64 / 1e6,
+                calls_us as f64 / 1e6
+            )
+        })
+    }
 }
 
 /// The limits of one call; 0 stands for none.
@@ -119,4 +158,24 @@ pub struct CallUsage {
 pub(crate) struct CallLimits {
     pub(crate) cpu_ns: u64,
     pub(crate) memory_bytes: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_little_work_between_calls_is_left_from_them() {
+        let work = |calls_ms: u64, between_ms: u64| Work {
+            calls_us: calls_ms * 1000,
+            between_us: between_ms * 1000,
+        };
+        assert_eq!(work(0, 100).excess(), None);
+        assert_eq!(work(10_000, 1100).excess(), None);
+        let told = work(91, 5000).excess().unwrap();
+        let expected =
+            "its processes used 5.00 s of processor time between calls, and 0.09 s in them";
+        assert_eq!(told, expected);
+        assert!(work(10_000, 1101).excess().is_some());
+    }
 }

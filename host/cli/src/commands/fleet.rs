@@ -979,6 +979,11 @@ fn report(arguments: &Fleet, outcome: &FleetOutcome) -> Result<()> {
                 seconds_text(late.limit_s).replace(' ', "")
             ));
         }
+        if let Some(excess) = outcome.metrics.planner_work().excess() {
+            output::warning(&format!(
+                "the planner worked when it was not asked: {excess}"
+            ));
+        }
         if let Some(decay) = &outcome.metrics.decay {
             output::warning(&format!(
                 "throughput fell from {} goals per second in the best fifth of the run to {} in the \
@@ -1081,6 +1086,9 @@ fn text(outcome: &FleetOutcome) -> String {
     line("planner time", times(&metrics.planner_time_ms));
     if let Some(cpu) = &metrics.planner_cpu_ms {
         line("planner CPU time", times(cpu));
+    }
+    if let Some(between) = metrics.planner_cpu_between_calls_ms {
+        line("CPU between calls", format!("{} ms", number(between)));
     }
     if metrics.fail_calls > 0 {
         line("fail policy time", times(&metrics.fail_policy_time_ms));

@@ -15,7 +15,7 @@ use crate::confinement::cgroup::Cgroup;
 use crate::confinement::memory::{Memory, SHARE, SHARE_NEAR};
 use crate::confinement::process_tree::Census;
 use crate::confinement::sandbox::jail::{Ended, Jail};
-use crate::usage::{CallLimits, CallUsage, Limit, Source, Usage};
+use crate::usage::{CallLimits, CallUsage, Limit, Source, Usage, Work};
 
 /// The pause between two walks through a folder on somebody's disk.
 const FOLDER_EVERY_NS: u64 = 50_000_000;
@@ -46,6 +46,7 @@ pub(crate) struct Monitor {
     at_start: Times,
     /// At the end of the call before, or when the plugin had been made.
     at_end: Times,
+    work: Work,
     tick_us: u64,
     memory: Memory,
     peak_memory_kb: u64,
@@ -68,6 +69,7 @@ impl Monitor {
             },
             at_start: Times::default(),
             at_end: Times::default(),
+            work: Work::default(),
             tick_us: 1_000_000 / ticks,
             memory: Memory::new(standing.network),
             peak_memory_kb: 0,
@@ -102,12 +104,19 @@ impl Monitor {
     pub(crate) fn finish(&mut self, jail: &Jail) -> CallUsage {
         let now = self.times(jail, &jail.view.census());
         let since = |now: Option<u64>, start: Option<u64>| Some(now?.saturating_sub(start?));
+        let cpu_us = since(now.cpu_us, self.at_start.cpu_us);
+        let before_us = since(self.at_start.cpu_us, self.at_end.cpu_us);
+        self.work.calls_us += cpu_us.unwrap_or(0);
+        self.work.between_us += before_us.unwrap_or(0);
         let usage = CallUsage {
-            cpu_us: since(now.cpu_us, self.at_start.cpu_us),
+            cpu_us,
             cpu_source: now.cpu_source,
             run_delay_us: since(now.run_delay_us, self.at_start.run_delay_us),
-            before_us: since(self.at_start.cpu_us, self.at_end.cpu_us),
+            before_us,
+            work: Some(self.work),
         };
+        // A call that is over is not counted again.
+        self.at_start = Times::default();
         self.at_end = now;
         self.call.cpu_ns = 0;
         usage
