@@ -251,6 +251,8 @@ GROUPS = {
         attempt("unshare", "cp"),
         attempt("mount", "cp"),
         attempt("io-uring", "cp"),
+        attempt("inotify", "cp"),
+        Behaviour("locks-granted", "cp"),  # refused by nothing
         attempt("bpf", "cp"),
         attempt("perf-event", "cp"),
         attempt("userfaultfd", "cp"),

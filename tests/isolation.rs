@@ -473,6 +473,7 @@ fn nothing_gets_out() {
         "unshare",
         "mount",
         "io-uring",
+        "inotify",
         "bpf",
         "perf-event",
     ] {

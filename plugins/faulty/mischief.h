@@ -65,6 +65,7 @@
   F("lease", lease) F("kill-all", kill_all)                                            \
   /* the kernel */                                                                     \
   F("unshare", unshare_user) F("mount", mount_tmpfs) F("io-uring", io_uring)           \
+  F("inotify", watch_files) F("locks-granted", lock_granted)                           \
   F("bpf", bpf) F("perf-event", perf_event) F("userfaultfd", user_fault)               \
   F("keyctl", keyctl) F("x32", x32) F("int80", int80) F("repin", repin)                \
   F("realtime", realtime) F("raise-limits", raise_limits) F("aio", aio)                \
@@ -1364,6 +1365,25 @@ static void report_descriptor(const FleetyardSink *sink, long descriptor, const 
   report(sink, descriptor >= 0, what);
   if (descriptor >= 0)
     close((int)descriptor);
+}
+
+/* Hears who reads the system's programs, and uses up what all programs of the user share. */
+static void watch_files(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  int descriptor = inotify_init1(IN_CLOEXEC);
+  int watch = descriptor < 0 ? -1 : inotify_add_watch(descriptor, "/usr", IN_ALL_EVENTS);
+  report(sink, watch >= 0, "inotify");
+  if (descriptor >= 0)
+    close(descriptor);
+}
+
+/* Advice between programs that agree on it: whoever may read a file may hold it. */
+static void lock_granted(const Faulty *faulty, const FleetyardSink *sink) {
+  (void)faulty;
+  int descriptor = open("/etc/passwd", O_RDONLY | O_CLOEXEC);
+  report(sink, descriptor >= 0 && flock(descriptor, LOCK_EX | LOCK_NB) == 0, "a lock");
+  if (descriptor >= 0)
+    close(descriptor);
 }
 
 static void io_uring(const Faulty *faulty, const FleetyardSink *sink) {

@@ -9,6 +9,7 @@ nothing is written over, and no attempt has an effect that lasts.
 import contextlib
 import ctypes
 import errno
+import fcntl
 import mmap
 import os
 import platform
@@ -1018,6 +1019,31 @@ def descriptor_of(name, *arguments):
 def io_uring(call):
     parameters = ctypes.create_string_buffer(120)
     call.attempt("io_uring", lambda: descriptor_of("io_uring_setup", 4, parameters))
+
+
+@fault
+def inotify(call):
+    """Hears who reads the system's programs, and uses up what all programs of the user share."""
+
+    def watch():
+        descriptor = checked(LIBC.inotify_init1(os.O_CLOEXEC))
+        try:
+            checked(LIBC.inotify_add_watch(descriptor, b"/usr", 0xFFF))
+        finally:
+            os.close(descriptor)
+
+    call.attempt("inotify", watch)
+
+
+@fault
+def locks_granted(call):
+    """Advice between programs that agree on it: whoever may read a file may hold it."""
+
+    def lock():
+        with open("/etc/passwd") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    call.attempt("a lock", lock)
 
 
 @fault

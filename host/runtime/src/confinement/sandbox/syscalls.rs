@@ -255,6 +255,23 @@ const TABLE: &[Group] = &[
         ],
     },
     Group {
+        // As on a kernel without it: what watches files looks at them now and then instead.
+        verdict: Refused(ENOSYS),
+        reason: "tells what other processes do with granted files, and takes from a number that \
+                 the user has for all programs",
+        calls: &[
+            libc::SYS_inotify_init1,
+            libc::SYS_inotify_add_watch,
+            libc::SYS_inotify_rm_watch,
+        ],
+    },
+    #[cfg(target_arch = "x86_64")]
+    Group {
+        verdict: Refused(ENOSYS),
+        reason: "as above, by its older name",
+        calls: &[libc::SYS_inotify_init],
+    },
+    Group {
         verdict: Refused(EPERM),
         reason: "writes everybody's files to the disk and holds everybody up; `fsync` is for \
                  one's own",
