@@ -126,6 +126,7 @@ GROUPS = {
             Behaviour(fault, by, "", "--cpu 300ms", limits="cpu", sort="hidden")
             for fault, by in [("autoreaped-children", "cp"), ("no-child-wait", "c")]
         ),
+        Behaviour("short-children", "p"),
         Behaviour("re-rolls", "p"),
         Behaviour("works-between-calls", "p"),
         Behaviour("grandchild", "cpr"),

@@ -238,6 +238,30 @@ fn processor_time_that_nobody_is_told_of_is_counted_or_the_result_is_unranked() 
     }
 }
 
+/// Children that end between two looks, and that nobody waits for, were in no figure.
+#[test]
+fn processor_time_of_children_that_nobody_sees_is_counted() {
+    if !have("python3") {
+        return;
+    }
+    // Where an ordinary user may have no counter, nothing tells.
+    let level = fs::read_to_string("/proc/sys/kernel/perf_event_paranoid").unwrap_or_default();
+    let level = level.trim().parse::<i32>();
+    let open = faulty(&faulty_library(), "perf-event", "--sandbox none");
+    let open = Yard::new().run(&open).json()["claimed_metrics"]["reached"] == 1.0;
+    let told = open && level.is_ok_and(|level| level <= 2);
+    everywhere("short-children", "p", "--budget 60s", |record, ended| {
+        let resources = &record["resources"];
+        let us = |name: &str| resources[name].as_u64().unwrap_or(0);
+        let used_us = us("user_us") + us("system_us");
+        let exact = resources["cpu_source"] == "cgroup";
+        if exact || told {
+            assert!(used_us > 270_000, "{used_us} {ended}");
+            assert_eq!(record["planner"]["ranked"], exact, "{ended}");
+        }
+    });
+}
+
 #[test]
 fn a_bomb_of_children_that_end_is_too_many_processes() {
     let arguments = "--budget 20s --processes 48";

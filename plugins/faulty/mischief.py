@@ -363,6 +363,22 @@ def spin_processes(call):
 
 
 @fault
+def short_children(call):
+    """Children that end before anybody looks, and whose end nobody is told."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    for _ in range(call.count(100)):
+        child = os.fork()
+        if child == 0:
+            begin = time.process_time()
+            while time.process_time() < begin + 0.003:
+                pass
+            os._exit(0)
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(child, 0)
+        time.sleep(0.001)
+
+
+@fault
 def works_between_calls(_):
     """A child goes on when nobody asks."""
     if os.fork() == 0:

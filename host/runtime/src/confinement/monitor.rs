@@ -2,8 +2,9 @@
 //!
 //! The kernel's own limits are the first line where they exist; this is what holds
 //! everywhere. Without a control group memory is counted by `memory`, and processor time
-//! is what `/proc` shows of processes that live or were waited for: a lower bound, since
-//! nobody is told of those whose parents ignore their end.
+//! is what `/proc` shows of processes that live or were waited for, or what a counter of the
+//! kernel says, where we may have one: a lower bound, since nobody is told of those whose
+//! parents ignore their end, and some programs are not counted.
 
 use std::fs;
 use std::os::fd::AsFd;
@@ -19,6 +20,9 @@ use crate::usage::{CallLimits, CallUsage, Limit, Source, Usage, Work};
 
 /// The pause between two walks through a folder on somebody's disk.
 const FOLDER_EVERY_NS: u64 = 50_000_000;
+
+/// Processor time by which two clocks of the kernel may differ over the life of a plugin.
+const COUNTED_OTHERWISE_US: u64 = 20_000;
 
 /// Limits that hold all the time.
 #[derive(Debug, Clone, Copy)]
@@ -204,10 +208,14 @@ impl Monitor {
         total.bytes > self.standing.disk_bytes || total.files > self.standing.files
     }
 
-    /// As exactly as the kernel counts it for the group, else in ticks.
+    /// As exactly as the kernel counts it for the group, else as much as is known.
     fn cpu_us(&mut self, jail: &Jail, census: &Census) -> u64 {
         let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us);
-        exact.unwrap_or_else(|| self.ticks_us(census))
+        exact.unwrap_or_else(|| self.known_us(jail, census))
+    }
+
+    fn known_us(&mut self, jail: &Jail, census: &Census) -> u64 {
+        self.ticks_us(census).max(jail.counted_us().unwrap_or(0))
     }
 
     /// Ticks are coarse but forget nobody; they never run backwards, whoever has just
@@ -230,7 +238,7 @@ impl Monitor {
         let exact = jail.cgroup.as_ref().and_then(Cgroup::cpu_us);
         Times {
             // Of living threads the scheduler knows more than the ticks tell.
-            cpu_us: Some(exact.unwrap_or_else(|| self.ticks_us(census).max(run_us))),
+            cpu_us: Some(exact.unwrap_or_else(|| self.known_us(jail, census).max(run_us))),
             cpu_source: Some(exact.map_or(Source::Polled, |_| Source::Cgroup)),
             run_delay_us: delay_us,
         }
@@ -239,15 +247,23 @@ impl Monitor {
     /// The use in all, once everybody is gone.
     pub(crate) fn usage(&self, jail: &Jail, ended: Option<&Ended>) -> Usage {
         let group = jail.cgroup.as_ref();
-        let (user_us, system_us, cpu_source) = match (jail.cpu_parts_us(), ended) {
-            (Some((user, system)), _) => (Some(user), Some(system), Source::Cgroup),
-            (None, Some(ended)) => (Some(ended.user_us), Some(ended.system_us), Source::Rusage),
-            // The last look is the least that it can have been, in one sum.
-            (None, None) => (Some(self.last_cpu_us), None, Source::Polled),
+        let last_us = self.last_cpu_us.max(jail.counted_us().unwrap_or(0));
+        // Who was waited for has all its time in there: what was seen before is not more, and what
+        // was counted, by other clocks of the kernel, hardly.
+        let lost = |ended: &Ended| {
+            let told_us = ended.user_us + ended.system_us;
+            told_us < self.last_cpu_us || told_us + told_us / 20 + COUNTED_OTHERWISE_US < last_us
         };
-        // Who was waited for has all its time in there: what was seen before is not more.
-        let cpu_lost = cpu_source == Source::Rusage
-            && ended.is_some_and(|ended| ended.user_us + ended.system_us < self.last_cpu_us);
+        let in_parts = jail.cpu_parts_us();
+        let cpu_lost = in_parts.is_none() && ended.is_some_and(lost);
+        let (user_us, system_us, cpu_source) = match (in_parts, ended) {
+            (Some((user, system)), _) => (Some(user), Some(system), Source::Cgroup),
+            (None, Some(ended)) if !cpu_lost => {
+                (Some(ended.user_us), Some(ended.system_us), Source::Rusage)
+            }
+            // The last look is the least that it can have been, in one sum.
+            (None, _) => (Some(last_us), None, Source::Polled),
+        };
         let max_rss_kb = ended.map(|ended| ended.max_rss_kb);
         // Pages that were somebody else's before are in a resident set and not in the group.
         let of_group = group.and_then(Cgroup::memory_peak_bytes);

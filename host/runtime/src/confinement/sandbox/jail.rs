@@ -38,6 +38,7 @@ use super::{
 };
 use crate::confinement::cgroup::{Cgroup, Places};
 use crate::confinement::child::{GOES_FIRST, goes_first, patiently};
+use crate::confinement::counter::Counter;
 use crate::confinement::process_tree::View;
 use crate::confinement::remove::remove_tree;
 use crate::usage::Limit;
@@ -56,6 +57,8 @@ pub(crate) struct Jail {
     pub(crate) cgroup: Option<Cgroup>,
     /// Processor time of its group before the plugin began, in user mode and in the kernel.
     cpu_before_us: Option<(u64, u64)>,
+    /// Counts its processor time where no group does.
+    counter: Option<Counter>,
     /// Stands for the plugin's whole environment.
     pub(crate) environment: Digest,
     /// The place where its processes are seen.
@@ -505,10 +508,12 @@ impl Attempt<'_> {
                 ));
             }
         }
+        // Before it makes any process, and while it may be looked at.
+        let counter = (!self.kept.cpu).then(|| Counter::of(init)).flatten();
         if rustix::io::write(&opener, b"g").is_err() {
             return self.silent();
         }
-        self.attend(&mut child, cgroup, &opener)
+        self.attend(&mut child, cgroup, counter, &opener)
     }
 
     /// When the machine's memory runs out, the plugin goes first, and it cannot change that:
@@ -558,7 +563,13 @@ impl Attempt<'_> {
     }
 
     /// Follows what the init says until the plugin has started.
-    fn attend(&mut self, child: &mut Child, cgroup: Option<Cgroup>, gate: &OwnedFd) -> Tried {
+    fn attend(
+        &mut self,
+        child: &mut Child,
+        cgroup: Option<Cgroup>,
+        mut counter: Option<Counter>,
+        gate: &OwnedFd,
+    ) -> Tried {
         let mut proc = None;
         let mut scratch = None;
         loop {
@@ -611,6 +622,9 @@ impl Attempt<'_> {
         // in `/proc`. Not before: telling the kernel who the init is needs the latter.
         let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
         let cpu_before_us = cgroup.as_ref().and_then(Cgroup::cpu_parts_us);
+        if let Some(counter) = &mut counter {
+            counter.begin();
+        }
         if rustix::io::write(gate, b"g").is_err() {
             return Tried::Hopeless("the sandbox is gone".into());
         }
@@ -623,6 +637,7 @@ impl Attempt<'_> {
             environment: self.launch.grants.environment_digest(),
             cgroup,
             cpu_before_us,
+            counter,
             view,
             scratch,
             _proc: proc,
@@ -670,6 +685,12 @@ impl Jail {
         let (user_before, system_before) = self.cpu_before_us?;
         let since = |now: u64, before: u64| now.saturating_sub(before);
         Some((since(user, user_before), since(system, system_before)))
+    }
+
+    /// Processor time of the plugin where no group counts it, of processes as well whose end nobody was
+    /// told.
+    pub(crate) fn counted_us(&self) -> Option<u64> {
+        self.counter.as_ref().and_then(Counter::cpu_us)
     }
 
     /// Ends everybody: softly first, so that what they used is known, then hard.
