@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use fleetyard_testkit::{
-    Ended, NO_PLAN, PLUGIN, SUCCESS, Started, Yard, c_library, each, faulty_library,
+    Ended, INTERNAL, NO_PLAN, PLUGIN, SUCCESS, Started, Yard, c_library, each, faulty_library,
     faulty_program, faulty_rust_library, fleetyard, have, instance, map, root, until, words,
 };
 use serde_json::Value;
@@ -607,8 +607,10 @@ fn a_supervisor_whose_limits_were_changed_makes_a_failure_of_the_trial() {
     }
 }
 
+/// An administrator who ends a supervisor that the plugin cannot reach makes no failure of the planner:
+/// the host fails, and no trial is recorded.
 #[test]
-fn a_lost_supervisor_makes_a_failure_of_the_trial() {
+fn a_supervisor_that_was_lost_is_nobodys_failure_or_the_planners() {
     for level in ["auto", "none"] {
         let yard = Yard::new();
         let more = format!("--budget 60s --sandbox {level}");
@@ -624,6 +626,15 @@ fn a_lost_supervisor_makes_a_failure_of_the_trial() {
         supervisor().unwrap().signal("KILL");
         let ended = started.wait();
         assert!(ended.left.is_empty(), "{level}: {:?} {ended}", ended.left);
+        if level == "auto" && refused().is_none() {
+            // The planner was there, for its processes were.
+            assert_eq!(ended.code, Some(INTERNAL), "{ended}");
+            assert!(ended.stdout.is_empty(), "{ended}");
+            for text in ["the host failed", "supervisor", "SIGKILL"] {
+                assert!(ended.stderr.contains(text), "{ended}");
+            }
+            continue;
+        }
         if ended.stdout.is_empty() {
             // It was lost before the planner was there to be asked.
             assert_eq!(ended.code, Some(PLUGIN), "{level}: {ended}");

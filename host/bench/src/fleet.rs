@@ -182,6 +182,10 @@ impl FleetModules {
         let mut watch = PlannerWatch::default();
         let before = Snapshot::take(None);
         let outcome = run(&ground, &config, modules, &mut watch)?;
+        // That is no trial of the planner.
+        if let Some(fault) = watch.failed {
+            return Err(fault.into());
+        }
         // Modules compute on any core, by turns with the simulator: what they waited for is known of
         // the machine alone.
         let load = Snapshot::take(None).since(&before);
@@ -221,6 +225,8 @@ struct PlannerWatch {
     usage: Option<Usage>,
     sandbox: Option<SandboxReport>,
     unsupervised: Option<String>,
+    /// The fault of the host, if it has one.
+    failed: Option<Fault>,
 }
 
 impl Watch for PlannerWatch {
@@ -232,6 +238,9 @@ impl Watch for PlannerWatch {
     }
 
     fn unsupervised(&mut self, info: &ModuleInfo, fault: &Fault) {
+        if fault.is_of_host() {
+            self.failed.get_or_insert_with(|| fault.clone());
+        }
         let what = || format!("{} `{}` {fault}", info.kind.as_str(), info.name);
         self.unsupervised.get_or_insert_with(what);
     }

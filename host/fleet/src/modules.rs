@@ -52,7 +52,7 @@ pub struct Module {
     prepared: bool,
     /// Calls one after the other in which it was killed, since it did not even answer late.
     hung: u32,
-    /// The first time that nobody watched it to the end.
+    /// The first time that nobody watched it to the end, or that the host failed.
     unsupervised: Option<Fault>,
 }
 
@@ -169,12 +169,12 @@ impl Module {
     }
 
     fn note(&mut self, fault: &Fault) {
-        if matches!(fault, Fault::Unsupervised { .. }) {
+        if fault.is_of_host() || matches!(fault, Fault::Unsupervised { .. }) {
             self.unsupervised.get_or_insert_with(|| fault.clone());
         }
     }
 
-    /// That it ran without its supervisor for a while, if it did.
+    /// That it ran without its supervisor for a while, or the host failed, if it did.
     pub fn unsupervised(&self) -> Option<&Fault> {
         self.unsupervised.as_ref()
     }

@@ -188,7 +188,8 @@ pub trait Watch {
         let _ = (info, closing);
     }
 
-    /// A plugin ran without its supervisor for a while: what it did then counts for nothing.
+    /// A plugin ran without its supervisor for a while, or the host failed: what it did then counts for
+    /// nothing.
     fn unsupervised(&mut self, info: &ModuleInfo, fault: &Fault) {
         let _ = (info, fault);
     }

@@ -32,6 +32,8 @@ pub const INPUT: i32 = 3;
 pub const INVALID_PLAN: i32 = 4;
 /// A plugin is at fault.
 pub const PLUGIN: i32 = 5;
+/// The host failed.
+pub const INTERNAL: i32 = 70;
 
 /// A command that takes longer hangs.
 const HANGING: Duration = Duration::from_mins(5);

@@ -19,8 +19,8 @@ pub mod studio;
 mod table;
 
 pub use command::{
-    Ended, INPUT, INVALID_PLAN, NO_PLAN, PLUGIN, Process, SUCCESS, Started, USAGE, Yard, have,
-    is_ignored, until, words,
+    Ended, INPUT, INTERNAL, INVALID_PLAN, NO_PLAN, PLUGIN, Process, SUCCESS, Started, USAGE, Yard,
+    have, is_ignored, until, words,
 };
 pub use grid::Case;
 pub use metadata::{Dependency, Package, Target, packages};

@@ -56,6 +56,9 @@ pub struct Report {
     /// it or the sandbox's first process. The rest of its report is then worth nothing.
     #[serde(default)]
     pub disturbed: Option<String>,
+    /// True if nothing that the plugin can do was the cause of that.
+    #[serde(default)]
+    pub from_outside: bool,
     /// Work for the plugin that the host, the supervisor or the inside of the sandbox could not do.
     #[serde(default)]
     pub host_error: Option<String>,

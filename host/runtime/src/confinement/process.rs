@@ -196,6 +196,10 @@ impl Process {
             status = self.supervisor.try_wait().ok().flatten();
         }
         let ended = status.map(|status| (status.signal(), status.code().unwrap_or_default()));
+        // It ignores the signals that it can, and dies of others by what is wrong in it.
+        let was_killed = matches!(ended, Some((Some(libc::SIGKILL), _)));
+        let sandbox = self.sandbox.as_ref();
+        let from_outside = was_killed && sandbox.is_some_and(SandboxReport::keeps_signals_in);
         let reason = match ended {
             Some((Some(signal), _)) => format!(
                 "its supervisor was ended by {} (signal {signal})",
@@ -212,7 +216,10 @@ impl Process {
             }
         };
         state::end_run(&self.run);
-        self.report = Some(Report::disturbed(reason));
+        self.report = Some(Report {
+            from_outside,
+            ..Report::disturbed(reason)
+        });
     }
 
     /// Waits up to `patience` for the next thing that the supervisor says; false when there
@@ -362,6 +369,11 @@ impl Transport for Process {
 
     fn disturbed(&self) -> Option<String> {
         self.report.as_ref()?.disturbed.clone()
+    }
+
+    fn is_disturbed_from_outside(&self) -> bool {
+        let report = self.report.as_ref();
+        report.is_some_and(|report| report.from_outside)
     }
 
     fn end(&mut self, patience: Duration) -> Report {

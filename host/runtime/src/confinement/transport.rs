@@ -72,6 +72,11 @@ pub(crate) trait Transport {
     /// The reason that kept the supervisor from its work, if something did.
     fn disturbed(&self) -> Option<String>;
 
+    /// True if nothing that the plugin can do was the cause of that.
+    fn is_disturbed_from_outside(&self) -> bool {
+        false
+    }
+
     /// Waits up to `patience` for the plugin to end by itself, then ends its whole tree.
     /// Nothing of it is left when this returns.
     fn end(&mut self, patience: Duration) -> Report;

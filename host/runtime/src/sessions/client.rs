@@ -252,14 +252,18 @@ impl<T: Transport> Client<T> {
     }
 
     /// Says so when the supervisor is gone or could not do its work. It comes before all
-    /// that the plugin did: nobody held it to anything.
+    /// that the plugin did: nobody held it to anything. Where the plugin cannot have done it, the
+    /// host failed.
     fn unsupervised(&self, method: &str) -> Option<Fault> {
-        self.transport
-            .disturbed()
-            .map(|reason| Fault::Unsupervised {
+        let reason = self.transport.disturbed()?;
+        Some(if self.transport.is_disturbed_from_outside() {
+            Fault::Host { reason }
+        } else {
+            Fault::Unsupervised {
                 during: method.to_owned(),
                 reason,
-            })
+            }
+        })
     }
 
     /// Ends the process for a fault; which one it is when that is done.

@@ -286,6 +286,17 @@ impl SandboxReport {
         layers.any(|state| state.layer == layer && state.active)
     }
 
+    /// True if a plugin can send no signal to its supervisor.
+    pub(crate) fn keeps_signals_in(&self) -> bool {
+        // Where Landlock does not keep them back, it is remarked.
+        let landlock = |state: &LayerState| {
+            state.layer == Layer::Landlock && state.active && state.reason.is_none()
+        };
+        self.has(Layer::PidNamespace)
+            || self.has(Layer::OwnUser)
+            || self.layers.iter().any(landlock)
+    }
+
     /// The limits that are only watched.
     pub fn watched(&self) -> impl Iterator<Item = &LimitState> {
         self.limits.iter().filter(|state| !state.enforced)
