@@ -272,6 +272,27 @@ fn a_bomb_of_children_that_end_is_too_many_processes() {
     });
 }
 
+/// A bomb that the kernel counts with the user's other processes grew to all that the user might have,
+/// and took most of a minute to be ended.
+#[test]
+fn a_bomb_does_not_take_all_processes_of_the_user() {
+    let line = faulty(
+        &faulty_library(),
+        "fork-bomb",
+        "--budget 20s --processes 32 --option count=4000",
+    );
+    for user in [effective_user(), 1234] {
+        let Some(ended) = launched(&Yard::new().path(""), &fleetyard(), true, user, &line) else {
+            continue;
+        };
+        let record = ended.json();
+        let most = record["resources"]["peak_tasks"].as_u64().unwrap();
+        // Root without a user of its own for the plugin has no limit.
+        let is_bounded = user != 0 || active(&record, "own-user");
+        assert!(most < 400 || !is_bounded, "{most} {ended}");
+    }
+}
+
 #[test]
 fn strict_does_not_run_where_memory_is_only_watched() {
     let line = faulty(&faulty_library(), "none", "--budget 30s --sandbox strict");

@@ -70,6 +70,20 @@ pub mod supervisor {
     pub use crate::sessions::worker::intercept;
 }
 
+/// Lets this process have as many files open as it may, up to a number that serves all who look on:
+/// the usual limit is that of programs that use `select`. Plugins have a limit of their own.
+pub fn allow_open_files() {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    const MOST: u64 = 65_536;
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    let wanted = maximum.map_or(MOST, |maximum| maximum.min(MOST));
+    if current.is_some_and(|current| current < wanted) {
+        // Where it is refused, fewer can look on.
+        let current = Some(wanted);
+        let _ = setrlimit(Resource::Nofile, Rlimit { current, maximum });
+    }
+}
+
 /// The user that this process runs as.
 pub fn user() -> u32 {
     rustix::process::geteuid().as_raw()

@@ -43,6 +43,7 @@ pub(crate) struct Studio {
 }
 
 pub(crate) fn studio(arguments: &Studio) -> Result<Exit> {
+    fleetyard_runtime::allow_open_files();
     if !arguments.bind.is_loopback() {
         output::warning(&format!(
             "the studio listens at {}: whoever reads the traffic can do here what you can",

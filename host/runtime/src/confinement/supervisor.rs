@@ -20,7 +20,7 @@ use std::os::unix::net::UnixStream;
 use fleetyard_abi::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
-use rustix::process::{Resource, Rlimit, getrlimit};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use rustix::time::Timespec;
 
 use crate::confinement::cgroup::{Cgroup, Places};
@@ -168,6 +168,15 @@ fn supervise(mut control: Control, become_plugin: &dyn Fn(&Target) -> Infallible
         // SAFETY: ignoring a signal has no precondition.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
     }
+    // What a host needs more is not for plugins, also where nothing else is taken from them.
+    let files = getrlimit(Resource::Nofile);
+    let _ = setrlimit(
+        Resource::Nofile,
+        Rlimit {
+            current: files.current.map(|current| current.min(USUAL_FILES)),
+            ..files
+        },
+    );
     let allowed = Allowed::now();
     let Some(launch) = control.launch() else {
         std::process::exit(2)
@@ -237,6 +246,9 @@ fn run(
     drop(registered);
     report
 }
+
+/// The open files that a process usually may have.
+const USUAL_FILES: u64 = 1024;
 
 /// The limits of this process when it began. A process that may set the limits of others can keep a
 /// supervisor from reading and from counting.

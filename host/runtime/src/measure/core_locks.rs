@@ -96,7 +96,7 @@ impl NoCores {
 }
 
 impl From<user_folder::NoFolder> for NoCores {
-    fn from(user_folder::NoFolder { folder, detail }: user_folder::NoFolder) -> Self {
+    fn from(user_folder::NoFolder { folder, detail, .. }: user_folder::NoFolder) -> Self {
         Self::Folder { folder, detail }
     }
 }

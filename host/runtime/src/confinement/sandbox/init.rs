@@ -216,8 +216,8 @@ fn plugin(
             profile: launch.filter.profile,
             alone: inside.wants(Layer::PidNamespace),
             file_bytes: launch.policy.disk_bytes + (64 << 10),
-            processes: counts_alone(inside.wanted)
-                .then_some(u64::from(launch.policy.processes) + 2),
+            processes: u64::from(launch.policy.processes) + 2,
+            counted_alone: counts_alone(inside.wanted),
             become_user: inside.become_user,
         }
         .apply()

@@ -7,7 +7,9 @@ use landlock::{
     Ruleset, RulesetAttr, RulesetCreatedAttr, RulesetStatus, Scope,
 };
 use rustix::io::Errno;
-use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
+use rustix::process::{
+    DumpableBehavior, Resource, Rlimit, getrlimit, set_dumpable_behavior, setrlimit,
+};
 use rustix::thread::{CapabilitySet, CapabilitySets, capabilities, set_capabilities};
 
 use super::devices::DEVICES;
@@ -31,9 +33,10 @@ pub(super) struct Lockdown<'a> {
     pub(super) alone: bool,
     /// Most bytes of a file.
     pub(super) file_bytes: u64,
-    /// Most processes of this user, where the kernel counts them for this sandbox
-    /// alone.
-    pub(super) processes: Option<u64>,
+    /// Most processes and threads.
+    pub(super) processes: u64,
+    /// True if the kernel counts the processes of this user for this sandbox alone.
+    pub(super) counted_alone: bool,
     /// A user to become, when that was not done by a user namespace.
     pub(super) become_user: Option<u32>,
 }
@@ -48,6 +51,8 @@ impl Lockdown<'_> {
         note(self.resource_limits());
         note(self.change_user());
         note(drop_capabilities());
+        // Not before: who has rights is given as many as it likes.
+        note(self.bound_processes());
         note(no_new_privileges());
         let landlock = self.landlock();
         if let Ok(version) = landlock
@@ -90,9 +95,11 @@ impl Lockdown<'_> {
             // They are counted for the user: too many of ours, and nobody else has one.
             (Resource::Sigpending, 1024),
         ];
-        let processes = self.processes.map(|most| (Resource::Nproc, most));
+        let processes = self
+            .counted_alone
+            .then_some((Resource::Nproc, self.processes));
         for (resource, most) in limits.into_iter().chain(processes) {
-            let now = rustix::process::getrlimit(resource);
+            let now = getrlimit(resource);
             // Nobody may raise what somebody before us has lowered.
             let most = now.maximum.map_or(most, |maximum| maximum.min(most));
             let limit = Rlimit {
@@ -110,6 +117,49 @@ impl Lockdown<'_> {
             setrlimit(resource, limit).map_err(&refused)?;
         }
         Ok(())
+    }
+
+    /// Bounds the processes of a plugin that the kernel counts with others of the user: it may have as
+    /// many beside those that there are now, and some for what the user starts meanwhile. That is no
+    /// limit of the plugin, which is watched; one that forks without end would else take all the
+    /// processes that the user may have, and keep the supervisor from ending it in time.
+    fn bound_processes(&self) -> Result<(), Refusal> {
+        if self.counted_alone {
+            return Ok(());
+        }
+        let refused = Refusal::of(Layer::ResourceLimits, "setting a limit of processes");
+        let own = getrlimit(Resource::Nproc);
+        let set = |current: Option<u64>, maximum: Option<u64>| {
+            setrlimit(Resource::Nproc, Rlimit { current, maximum }).map_err(&refused)
+        };
+        // The kernel tells nobody how many it counts; but it refuses the first that is too many.
+        let allows = |most: u64| {
+            set(Some(most), own.maximum)?;
+            let thread = std::thread::Builder::new().stack_size(1 << 16).spawn(|| ());
+            Ok(thread.map(|thread| drop(thread.join())).is_ok())
+        };
+        let highest = own.current.unwrap_or(u64::MAX).min(1 << 22);
+        let (mut least, mut enough) = (0, highest);
+        while least + 1 < enough {
+            let middle = least.midpoint(enough);
+            if allows(middle)? {
+                enough = middle;
+            } else {
+                least = middle;
+            }
+        }
+        // Of root the kernel refuses none.
+        let is_counted = least > 0 && enough < highest;
+        let most = enough + self.processes + self.processes.max(256);
+        let most = own.current.map_or(most, |own| own.min(most));
+        if is_counted {
+            set(
+                Some(most),
+                Some(own.maximum.map_or(most, |own| own.min(most))),
+            )
+        } else {
+            set(own.current, own.maximum)
+        }
     }
 
     fn change_user(&self) -> Result<(), Refusal> {
@@ -166,7 +216,7 @@ impl Lockdown<'_> {
     }
 
     fn restrict(&self) -> Result<RulesetStatus, landlock::RulesetError> {
-        let abi = ABI::V6;
+        let abi = ABI::V9;
         let mut ruleset = Ruleset::default()
             .set_compatibility(CompatLevel::BestEffort)
             .handle_access(AccessFs::from_all(abi))?
