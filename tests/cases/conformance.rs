@@ -481,7 +481,7 @@ fn only(lists: &[&str]) -> String {
 }
 
 /// The library of those plugins; cargo is asked for it once.
-fn promising() -> &'static str {
+pub(crate) fn promising() -> &'static str {
     static LIBRARY: OnceLock<String> = OnceLock::new();
     LIBRARY.get_or_init(|| {
         let library = library("fleetyard-faulty-promises");

@@ -7,6 +7,7 @@
 mod command_line;
 mod conformance;
 mod files;
+mod fuzz;
 mod modules;
 mod plugins;
 mod public;
@@ -46,6 +47,7 @@ fn main() {
     plugins::add(&mut tests);
     public::add(&mut tests);
     conformance::add(&mut tests);
+    fuzz::add(&mut tests);
     modules::add(&mut tests);
     let mut arguments = Arguments::from_args();
     // As the standard harness has it.

@@ -8,7 +8,7 @@ use fleetyard_check::{PathRule, Rule, Terms, validate_paths, validate_terms};
 use fleetyard_core::{Connectivity, GridPlan};
 
 use crate::question::Question;
-use crate::rules::{Arrival, VIOLATIONS};
+use crate::rules::{Arrival, VIOLATIONS, broken};
 use crate::scene::Scene;
 
 /// Judges a plan: its sum of costs, or the reason why it is none.
@@ -65,7 +65,7 @@ fn rules(scene: &Scene, plan: &GridPlan, counts: impl Fn(Rule) -> bool) -> Resul
     };
     let found = verdict.violations.iter().find(|found| counts(found.rule));
     match found {
-        Some(found) => Err(format!("{} ({})", found.sentence, found.rule)),
+        Some(found) => Err(broken(&found.sentence, found.rule)),
         None => Ok(()),
     }
 }

@@ -40,6 +40,14 @@ impl Kit {
         })
     }
 
+    pub(crate) fn runtime(&self) -> &Runtime {
+        &self.runtime
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
     /// The limits of all sessions.
     pub fn limits(&self) -> &Limits {
         self.runtime.limits()

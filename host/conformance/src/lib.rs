@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod cases;
+mod fuzz;
 mod judge;
 mod kit;
 mod question;
@@ -28,6 +29,10 @@ mod subject;
 mod trial;
 
 pub use cases::{CASES, Case, UnknownCase, find};
+pub use fuzz::{
+    Call, Extent, FUZZED_FILE_LIMIT, FUZZED_FORMAT, Finding, Fuzz, FuzzReport, Fuzzed, Member,
+    Probe, Size, View,
+};
 pub use kit::Kit;
 pub use report::{CaseReport, Outcome};
 pub use subject::{Config, Subject};

@@ -26,6 +26,17 @@ pub(crate) struct Rules {
     pub(crate) may_collide: bool,
 }
 
+/// The reason of a verdict: a sentence with its rule.
+pub(crate) fn broken(sentence: &str, rule: impl std::fmt::Display) -> String {
+    format!("{sentence} ({rule})")
+}
+
+/// The rule of such a reason.
+pub(crate) fn broken_rule(reason: &str) -> Option<&str> {
+    let (_, rule) = reason.strip_suffix(')')?.rsplit_once(" (")?;
+    Some(rule)
+}
+
 /// The reason why a plan of another form is none.
 pub(crate) fn other_form(wanted: &str, plan: &Plan) -> String {
     let given = PlanRef::from(plan).field();

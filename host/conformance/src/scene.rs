@@ -6,7 +6,7 @@ pub(crate) mod roadmap;
 pub(crate) mod robots;
 pub(crate) mod workspace;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -29,6 +29,10 @@ const STEP_S: f64 = 1.0;
 
 /// Radius of robots: discs that keep clear of each other where one follows another round a corner.
 pub(crate) const RADIUS_M: f64 = 0.35;
+
+/// All headings, by their numbers.
+pub(crate) const HEADINGS: [Heading; 4] =
+    [Heading::East, Heading::South, Heading::West, Heading::North];
 
 /// An instance with a name.
 #[derive(Debug, Clone)]
@@ -99,7 +103,7 @@ impl Scene {
         Ok(Self::new(name, grid, lettered(starts), lettered(goals)))
     }
 
-    fn new(name: &str, grid: Grid, starts: Vec<u32>, goals: Vec<u32>) -> Self {
+    pub(crate) fn new(name: &str, grid: Grid, starts: Vec<u32>, goals: Vec<u32>) -> Self {
         Self {
             name: name.into(),
             grid: Arc::new(grid),
@@ -119,7 +123,7 @@ impl Scene {
     }
 
     /// Two agents at their goals.
-    fn pair() -> Step<Self> {
+    pub(crate) fn pair() -> Step<Self> {
         Self::drawn("pair", &["ab"], &["ab"])
     }
 
@@ -134,7 +138,7 @@ impl Scene {
         });
         let masks = masks.collect();
         let grid = Grid::clone(&self.grid).with_moves(masks);
-        let grid = grid.map_err(|error| Stop::Failed(format!("the kit has no map: {error}")))?;
+        let grid = grid.map_err(|error| Stop::failed(format!("the kit has no map: {error}")))?;
         self.grid = Arc::new(grid);
         Ok(self)
     }
@@ -188,34 +192,7 @@ impl Scene {
     /// the goals are where the agents end when they go for random walks, one after
     /// the other. So there is always a plan.
     pub(crate) fn random(name: &str, random: &mut SeededRandom, agents: usize) -> Step<Self> {
-        let (rows, cols) = (6 + random.below(9) as u32, 6 + random.below(9) as u32);
-        let seed = random.below(1 << 31) as u64;
-        let spec = match random.below(4) {
-            0 => MapSpec::Empty(EmptySpec { rows, cols }),
-            1 => MapSpec::Random(RandomSpec {
-                rows,
-                cols,
-                obstacle_density: 0.2,
-                seed,
-            }),
-            2 => MapSpec::Room(RoomSpec {
-                rows,
-                cols,
-                room_size: 4,
-                doors: 1,
-                seed,
-            }),
-            _ => MapSpec::Maze(MazeSpec {
-                rows: rows | 1,
-                cols: cols | 1,
-                corridor: 1,
-                algorithm: MazeAlgorithm::Backtracker,
-                random: MazeRandom::ChaCha,
-                loops: 0,
-                seed,
-            }),
-        };
-        let grid = spec.generate()?;
+        let grid = random_map(random)?;
         let room = grid.passable_count() as usize / 4;
         let agents = 1 + random.below(agents.min(room).max(1));
         Ok(Self::with_walks(name, grid, agents, random))
@@ -240,7 +217,9 @@ impl Scene {
         let mut cells = free_cells(&grid);
         random.shuffle(&mut cells);
         cells.truncate(agents);
-        let goals = walks(&grid, &cells, random);
+        let walked = walks(&grid, &cells, random);
+        let goals = walked.iter().filter_map(|path| path.last().copied());
+        let goals = goals.collect();
         Self::new(name, grid, cells, goals)
     }
 
@@ -297,8 +276,7 @@ impl Scene {
 
     /// The same, where agents have to turn before they go another way.
     pub(crate) fn turning(mut self) -> Self {
-        const ALL: [Heading; 4] = [Heading::East, Heading::South, Heading::West, Heading::North];
-        let headings = (0..self.starts.len()).map(|agent| ALL[agent % 4]);
+        let headings = (0..self.starts.len()).map(|agent| HEADINGS[agent % 4]);
         self.headings = Some(headings.collect());
         self.motion = Motion::Rotation;
         self.best = None;
@@ -498,28 +476,79 @@ pub(crate) fn free_cells(grid: &Grid) -> Vec<u32> {
         .collect()
 }
 
-/// Cells in which agents end that go for walks one after the other, round those that stand.
-fn walks(grid: &Grid, starts: &[u32], random: &mut SeededRandom) -> Vec<u32> {
+/// A map of a random sort, of 6 to 14 rows and columns, whose free cells are in one piece.
+pub(crate) fn random_map(random: &mut SeededRandom) -> Step<Grid> {
+    let (rows, cols) = (6 + random.below(9) as u32, 6 + random.below(9) as u32);
+    let seed = random.below(1 << 31) as u64;
+    let spec = match random.below(4) {
+        0 => MapSpec::Empty(EmptySpec { rows, cols }),
+        1 => MapSpec::Random(RandomSpec {
+            rows,
+            cols,
+            obstacle_density: 0.2,
+            seed,
+        }),
+        2 => MapSpec::Room(RoomSpec {
+            rows,
+            cols,
+            room_size: 4,
+            doors: 1,
+            seed,
+        }),
+        _ => MapSpec::Maze(MazeSpec {
+            rows: rows | 1,
+            cols: cols | 1,
+            corridor: 1,
+            algorithm: MazeAlgorithm::Backtracker,
+            random: MazeRandom::ChaCha,
+            loops: 0,
+            seed,
+        }),
+    };
+    Ok(spec.generate()?)
+}
+
+/// Paths of agents that go for walks one after the other, round those that stand: a plan for whoever has to
+/// go where they end.
+pub(crate) fn walks(grid: &Grid, starts: &[u32], random: &mut SeededRandom) -> Vec<Vec<u32>> {
     const ROUNDS: usize = 2;
-    let mut at = starts.to_vec();
-    let mut order: Vec<usize> = (0..at.len()).collect();
+    let mut paths: Vec<Vec<u32>> = starts.iter().map(|start| vec![*start]).collect();
+    let end = |path: &Vec<u32>| path.last().copied().unwrap_or_default();
+    let mut order: Vec<usize> = (0..paths.len()).collect();
     for _ in 0..ROUNDS {
         random.shuffle(&mut order);
         for agent in &order {
-            let standing: BTreeSet<u32> = at.iter().copied().collect();
-            let mut reached = vec![at[*agent]];
-            let mut seen: BTreeSet<u32> = reached.iter().copied().collect();
+            let standing: BTreeSet<u32> = paths.iter().map(end).collect();
+            let mut reached = vec![end(&paths[*agent])];
+            let mut came: BTreeMap<u32, u32> = reached.iter().map(|from| (*from, *from)).collect();
             let mut next = 0;
             while let Some(cell) = reached.get(next).copied() {
                 next += 1;
                 for near in grid.neighbors(cell, Connectivity::Four) {
-                    if !standing.contains(&near) && seen.insert(near) {
+                    if !standing.contains(&near) && !came.contains_key(&near) {
+                        came.insert(near, cell);
                         reached.push(near);
                     }
                 }
             }
-            at[*agent] = reached[random.below(reached.len())];
+            let mut way = vec![reached[random.below(reached.len())]];
+            while let Some(from) = way.last().and_then(|cell| came.get(cell)) {
+                if way.last() == Some(from) {
+                    break;
+                }
+                way.push(*from);
+            }
+            way.reverse();
+            let steps = way.len() - 1;
+            for (other, path) in paths.iter_mut().enumerate() {
+                let stay = end(path);
+                if other == *agent {
+                    path.extend_from_slice(&way[1..]);
+                } else {
+                    path.extend(std::iter::repeat_n(stay, steps));
+                }
+            }
         }
     }
-    at
+    paths
 }

@@ -5,11 +5,49 @@ use fleetyard_runtime::Fault;
 
 use crate::report::Outcome;
 
+/// A fault of a plugin: its kind in a few words, which is the same wherever the plugin fails in the same
+/// way, and the reason for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Failure {
+    pub(crate) kind: String,
+    pub(crate) reason: String,
+}
+
+impl Failure {
+    pub(crate) fn new(kind: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self {
+            kind: kind.into(),
+            reason: reason.into(),
+        }
+    }
+
+    /// The same, in a situation that its reason is told with.
+    pub(crate) fn told(self, tell: impl FnOnce(String) -> String) -> Self {
+        Self {
+            reason: tell(self.reason),
+            ..self
+        }
+    }
+}
+
+/// A promise that only the reason names.
+impl From<String> for Failure {
+    fn from(reason: String) -> Self {
+        Self::new("broken-promise", reason)
+    }
+}
+
+impl From<&str> for Failure {
+    fn from(reason: &str) -> Self {
+        Self::from(reason.to_owned())
+    }
+}
+
 /// The reason why a case goes no further.
 #[derive(Debug)]
 pub(crate) enum Stop {
-    Failed(String),
-    Crashed(String),
+    Failed(Failure),
+    Crashed(Failure),
     Skipped(String),
     /// The host failed, which says nothing of the plugin.
     Host(Fault),
@@ -18,11 +56,16 @@ pub(crate) enum Stop {
 pub(crate) type Step<T> = Result<T, Stop>;
 
 impl Stop {
+    /// A failure of a case.
+    pub(crate) fn failed(failure: impl Into<Failure>) -> Self {
+        Self::Failed(failure.into())
+    }
+
     /// The outcome of the case with its reason; the fault, if it is the host's.
     pub(crate) fn parts(self) -> Result<(Outcome, String), Fault> {
         match self {
-            Self::Failed(reason) => Ok((Outcome::Failed, reason)),
-            Self::Crashed(reason) => Ok((Outcome::Crashed, reason)),
+            Self::Failed(failure) => Ok((Outcome::Failed, failure.reason)),
+            Self::Crashed(failure) => Ok((Outcome::Crashed, failure.reason)),
             Self::Skipped(reason) => Ok((Outcome::Skipped, reason)),
             Self::Host(fault) => Err(fault),
         }
@@ -31,8 +74,8 @@ impl Stop {
     /// The same, in a situation that its reason is told with.
     pub(crate) fn told(self, tell: impl FnOnce(String) -> String) -> Self {
         match self {
-            Self::Failed(reason) => Self::Failed(tell(reason)),
-            Self::Crashed(reason) => Self::Crashed(tell(reason)),
+            Self::Failed(failure) => Self::Failed(failure.told(tell)),
+            Self::Crashed(failure) => Self::Crashed(failure.told(tell)),
             other @ (Self::Skipped(_) | Self::Host(_)) => other,
         }
     }
@@ -40,18 +83,29 @@ impl Stop {
 
 impl From<Fault> for Stop {
     fn from(fault: Fault) -> Self {
-        let reason = fault.to_string();
+        if fault.is_of_host() {
+            return Self::Host(fault);
+        }
+        let kind = match &fault {
+            Fault::Crashed { signal, during } => format!("crash signal {signal} {during}"),
+            Fault::Exited { code, during } => format!("crash exit {code} {during}"),
+            Fault::TimedOut { during, .. } => format!("hang {during}"),
+            Fault::OverLimit { during, limit, .. } => format!("over-limit {limit} {during}"),
+            Fault::Protocol { during, .. } => format!("broken-protocol {during}"),
+            Fault::Reported { status, during, .. } => format!("reported {status} {during}"),
+            _ => "no-start".to_owned(),
+        };
+        let failure = Failure::new(kind, fault.to_string());
         match fault {
-            fault if fault.is_of_host() => Self::Host(fault),
-            Fault::Crashed { .. } | Fault::Exited { .. } => Self::Crashed(reason),
-            _ => Self::Failed(reason),
+            Fault::Crashed { .. } | Fault::Exited { .. } => Self::Crashed(failure),
+            _ => Self::Failed(failure),
         }
     }
 }
 
 impl From<InputError> for Stop {
     fn from(error: InputError) -> Self {
-        Self::Failed(format!("the kit could not make its instance: {error}"))
+        Self::failed(format!("the kit could not make its instance: {error}"))
     }
 }
 

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use fleetyard_abi::{
-    Budget, Capability, Descriptor, FleetStatus, Kind, Knot, KnotPlan, Motion, Objective, Part,
-    Plan, Request, SharedEnvironment, Status,
+    Budget, Capability, Descriptor, FleetStatus, GridPlan, Kind, Knot, KnotPlan, Motion, Objective,
+    Part, Plan, Request, SharedEnvironment, Status,
 };
 use fleetyard_runtime::{Attach, Closing, Fault, PlanRun, Runtime, Session};
 use fleetyard_world::SeededRandom;
@@ -15,10 +15,10 @@ use serde_json::{Map, Value};
 use crate::question::Question;
 use crate::report::milliseconds;
 use crate::representation::Representation;
-use crate::rules::{Arrival, Rules};
+use crate::rules::{Arrival, Rules, broken_rule};
 use crate::scene::Scene;
 use crate::scene::robots::DYNAMICS;
-use crate::stop::{Step, Stop};
+use crate::stop::{Failure, Step, Stop};
 use crate::subject::{Config, Subject};
 
 /// Knowledge of the kit about an instance.
@@ -30,6 +30,8 @@ pub(crate) enum Expectation {
     Perhaps,
     /// There is none.
     NoPlan,
+    /// The kit does not know: there is a plan or there is none.
+    Unknown,
     /// Nothing but that the plugin has to live through it: the input is nonsense.
     Survival,
 }
@@ -222,6 +224,19 @@ impl<'a> Trial<'a> {
     /// True if there was a scene of which the plugin does not know the robots.
     pub(crate) fn is_ignorant(&self) -> bool {
         !self.unknown.is_empty()
+    }
+
+    /// True if it was found out to be a planner for one agent.
+    pub(crate) fn is_alone(&self) -> bool {
+        self.alone == Some(true)
+    }
+
+    /// Forgets findings beside outcomes, for those who ask without end, and gives the figures.
+    pub(crate) fn forget(&mut self) -> BTreeMap<String, f64> {
+        self.warnings.clear();
+        self.notes.clear();
+        self.unknown.clear();
+        std::mem::take(&mut self.figures)
     }
 
     /// Findings beside the outcome: warnings, notes and figures.
@@ -547,13 +562,18 @@ impl<'a> Trial<'a> {
             }
             Kind::InvocationPolicy => invoke(session, &scene.status(), call.wall),
         }?;
-        let most = call.wall + self.config().grace;
+        self.in_time(answer)
+    }
+
+    /// An answer that came within the grace.
+    pub(crate) fn in_time(&self, answer: Answer) -> Step<Answer> {
         // Who has a process of its own was stopped already.
-        if answer.wall > most {
-            return Err(Stop::Failed(format!(
+        if answer.late > self.config().grace {
+            let reason = format!(
                 "it returned {:.0} ms after the deadline",
                 milliseconds(answer.late)
-            )));
+            );
+            return Err(Stop::failed(Failure::new("late", reason)));
         }
         Ok(answer)
     }
@@ -625,9 +645,16 @@ impl<'a> Trial<'a> {
         }
         let other = self.in_place_of(scene);
         let scene = other.as_deref().unwrap_or(scene);
-        let failed = |reason: String| {
+        let failed = |failure: Failure| {
             let (name, picture) = (scene.name(), scene.picture());
-            Err(Stop::Failed(format!("{name}: {reason}{picture}")))
+            let told = failure.told(|reason| format!("{name}: {reason}{picture}"));
+            Err(Stop::Failed(told))
+        };
+        let lies = |reason: String| {
+            failed(Failure::new(
+                format!("false-claim {}", answer.status),
+                reason,
+            ))
         };
         if expectation == Expectation::Survival {
             self.judge_survival(scene, answer);
@@ -635,13 +662,13 @@ impl<'a> Trial<'a> {
         }
         match &answer.said {
             Said::Plans(plans) => {
-                if let Err(reason) = self.judge_plans(scene, plans, answer.status, arrival) {
-                    return failed(reason);
+                if let Err(failure) = self.judge_plans(scene, plans, answer.status, arrival) {
+                    return failed(failure);
                 }
             }
             Said::Request(request) => {
                 if let Err(reason) = scene.judge_request(request) {
-                    return failed(reason);
+                    return failed(Failure::new("invalid-request", reason));
                 }
                 self.note_request(scene, request);
             }
@@ -663,19 +690,21 @@ impl<'a> Trial<'a> {
         };
         match (expectation, status) {
             (Expectation::NoPlan, Status::Solved) => {
-                failed("claims `solved`, but there is no plan".into())
+                lies("claims `solved`, but there is no plan".into())
             }
-            (Expectation::NoPlan, Status::InternalError) => failed(format!("claims {shown}")),
+            (Expectation::NoPlan, Status::InternalError) => lies(format!("claims {shown}")),
             (Expectation::Plan | Expectation::Perhaps, Status::Infeasible) => {
-                failed(format!("claims {shown}, but there is a plan"))
+                lies(format!("claims {shown}, but there is a plan"))
             }
+            // Nobody promises that goals can be reached.
+            (Expectation::Unknown, Status::InvalidInput) => Ok(()),
             (
-                Expectation::Plan | Expectation::Perhaps,
+                Expectation::Plan | Expectation::Perhaps | Expectation::Unknown,
                 Status::Unsupported
                 | Status::InvalidInput
                 | Status::InternalError
                 | Status::Cancelled,
-            ) => failed(format!(
+            ) => lies(format!(
                 "claims {shown}, but the instance is one that the plugin says it can handle, and \
                  nobody cancelled the call"
             )),
@@ -695,6 +724,37 @@ impl<'a> Trial<'a> {
         }
     }
 
+    /// Holds figures that a planner reported against its plans, and the lower bound against a cost that
+    /// some plan has. What collides, as it may, is no plan.
+    pub(crate) fn judge_figures(&self, answer: &Answer, known_cost: Option<u64>) -> Step<()> {
+        let wrong = |reason| Err(Stop::failed(Failure::new("wrong-figure", reason)));
+        let claimed = |name: &str| answer.figures.get(name).copied();
+        let may_collide = self.may_collide(answer.status);
+        let plans = answer.plans().iter().filter(|_| !may_collide);
+        let cells = || plans.clone().filter_map(Plan::cells);
+        let costs = || cells().map(GridPlan::sum_of_costs);
+        if let Some(bound) = claimed("lower_bound") {
+            if let Some(best) = costs().min().filter(|best| bound > *best as f64) {
+                return wrong(format!(
+                    "reports a `lower_bound` of {bound}, and its plan costs {best}"
+                ));
+            }
+            if let Some(known) = known_cost.filter(|known| bound > *known as f64) {
+                return wrong(format!(
+                    "reports a `lower_bound` of {bound}, and there is a plan that costs {known}"
+                ));
+            }
+        }
+        if let (Some(cost), Some(last)) = (claimed("claimed_sum_of_costs"), costs().next_back())
+            && (cost - last as f64).abs() > 1e-6
+        {
+            return wrong(format!(
+                "reports a `claimed_sum_of_costs` of {cost}, and its plan costs {last}"
+            ));
+        }
+        Ok(())
+    }
+
     fn judge_survival(&mut self, scene: &dyn Question, answer: &Answer) {
         let shown = answer.shown();
         match answer.status {
@@ -710,19 +770,24 @@ impl<'a> Trial<'a> {
         }
     }
 
+    /// True if plans that came with this status need not be valid.
+    fn may_collide(&self, status: Status) -> bool {
+        status != Status::Solved && self.claims(Capability::CollidingPlans)
+    }
+
     fn judge_plans(
         &mut self,
         scene: &dyn Question,
         plans: &[Plan],
         status: Status,
         arrival: Arrival,
-    ) -> Result<(), String> {
+    ) -> Result<(), Failure> {
         let is_policy = self.kind() == Kind::FailPolicy;
         let arrival = if is_policy { Arrival::Free } else { arrival };
         let rules = Rules {
             arrival,
             delay: self.delay,
-            may_collide: status != Status::Solved && self.claims(Capability::CollidingPlans),
+            may_collide: self.may_collide(status),
         };
         // What a fail policy improves is its own affair, and so is what a planner does in a window,
         // or about an objective that no capability names.
@@ -737,16 +802,19 @@ impl<'a> Trial<'a> {
             };
             let cost = scene.judge(plan, rules).map_err(|reason| {
                 let verdict = if rules.may_collide { "" } else { " is invalid" };
-                format!("{name}{verdict}: {reason}")
+                let rule = broken_rule(&reason).unwrap_or("form");
+                let kind = format!("invalid-plan {rule}");
+                Failure::new(kind, format!("{name}{verdict}: {reason}"))
             })?;
             if rules.may_collide {
                 continue;
             }
             if let Some(before) = before.filter(|_| comparable) {
                 if cost > before {
-                    return Err(format!(
+                    let reason = format!(
                         "{name} costs {cost}, the one before it {before}: each has to be better"
-                    ));
+                    );
+                    return Err(Failure::new("worse-plan", reason));
                 }
                 if cost.total_cmp(&before).is_eq() {
                     self.warn(format!(

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 use std::os::unix::process::ExitStatusExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -14,9 +14,10 @@ use clap::Args;
 use fleetyard_abi::{Descriptor, Kind};
 use fleetyard_bench::{half_of_memory, milliseconds};
 use fleetyard_conformance::{
-    CASES, Case, CaseReport, Config, EXPECTED, GIVEN_UP, Kit, Outcome, Subject, find,
+    CASES, Case, CaseReport, Config, EXPECTED, Extent, FUZZED_FILE_LIMIT, Finding, Fuzz,
+    FuzzReport, Fuzzed, GIVEN_UP, Kit, Outcome, Subject, find,
 };
-use fleetyard_core::quoted;
+use fleetyard_core::{load_file, quoted};
 use fleetyard_runtime::{
     Attach, Found, Limits, OptionError, PluginFile, Policy, check_options, parse_option,
 };
@@ -24,6 +25,7 @@ use serde::Serialize;
 use serde_json::Map;
 
 use crate::args::{Format, GrantArgs, duration, duration_text, word};
+use crate::commands::fuzz;
 use crate::exit::{Exit, Failure, Result, internal};
 use crate::output;
 use crate::setup::{self, BUILT_IN, policy, runtime, trust};
@@ -56,9 +58,20 @@ pub(crate) struct Check {
     /// Seed of the whole run: of all instances, and of the plugin's random choices
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Ask one case again, by the seed that it showed
+    /// Ask one case again, or with --fuzz one instance, by the seed that it showed
     #[arg(long, value_name = "SEED", conflicts_with = "seed")]
     reproduce: Option<u64>,
+    /// Ask random instances in place of the cases, so many or for so long, with hostile budgets and limits, and make
+    /// those that fail as small as they can be
+    #[arg(long, value_name = "N|DURATION", value_parser = extent, conflicts_with_all = ["only", "skip", "list", "all"])]
+    fuzz: Option<Extent>,
+    /// Folder in which --fuzz makes a folder for each of its findings [default: the current one]
+    #[arg(long, value_name = "FOLDER", requires = "fuzz")]
+    findings: Option<PathBuf>,
+    /// Ask again what --fuzz has found, by the file that it wrote
+    #[arg(long, value_name = "FILE",
+          conflicts_with_all = ["fuzz", "reproduce", "seed", "only", "skip", "list", "all"])]
+    fuzzed: Option<PathBuf>,
     /// Wall-clock budget of a call; a tenth for those who use all of it
     #[arg(long, value_name = "DURATION", value_parser = duration,
           default_value = duration_text(Config::default().budget))]
@@ -109,6 +122,31 @@ struct Checked {
     expected_plans: usize,
     given_up: usize,
     cases: Vec<Row>,
+    /// In place of the cases, random instances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fuzz: Option<Fuzzing>,
+}
+
+/// A run of the fuzzer.
+#[derive(Serialize)]
+struct Fuzzing {
+    #[serde(flatten)]
+    report: FuzzReport,
+    findings: Vec<FoundRow>,
+}
+
+#[derive(Serialize)]
+struct FoundRow {
+    #[serde(flatten)]
+    finding: Finding,
+    /// The file that has it, unless it came of one.
+    file: Option<PathBuf>,
+    /// The command that asks the same again.
+    replay: Option<String>,
+    /// The command that draws and asks what failed first.
+    reproduce: Option<String>,
+    /// The command that asks the last call alone, where `run` can.
+    run: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -131,14 +169,18 @@ struct Summary {
 
 impl Summary {
     fn count(&mut self, report: &CaseReport) {
-        *match report.outcome {
+        *self.of(report.outcome) += 1;
+        self.warnings += report.warnings.len();
+        self.notes += report.notes.len();
+    }
+
+    fn of(&mut self, outcome: Outcome) -> &mut usize {
+        match outcome {
             Outcome::Passed => &mut self.passed,
             Outcome::Failed => &mut self.failed,
             Outcome::Crashed => &mut self.crashed,
             Outcome::Skipped => &mut self.skipped,
-        } += 1;
-        self.warnings += report.warnings.len();
-        self.notes += report.notes.len();
+        }
     }
 
     fn text(&self) -> String {
@@ -162,6 +204,9 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     if arguments.list {
         return list(&cases, arguments.format);
     }
+    let fuzzed = arguments.fuzzed.as_ref();
+    let fuzzed = fuzzed.map(|path| load_file(path, FUZZED_FILE_LIMIT, Fuzzed::parse));
+    let fuzzed = fuzzed.transpose()?;
     let config = Config {
         budget: arguments.budget,
         grace: arguments.grace,
@@ -182,6 +227,12 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
     let trust = kit.limits().trust.clone();
     let Found { file, id, .. } = setup::find(&runtime(trust)?, arguments.kind, name)?;
     let attach = attachment(&file, arguments)?;
+    let is_fuzz = arguments.fuzz.is_some() || fuzzed.is_some();
+    if is_fuzz && attach == Attach::InProcess {
+        let message = "random instances are asked of processes of their own";
+        return Err(Failure::new(Exit::Usage, message)
+            .hint("leave out `--attach`: what crashes in the host's process would end the host"));
+    }
     let mut run = Run {
         arguments,
         name,
@@ -210,7 +261,12 @@ pub(crate) fn check(arguments: &Check) -> Result<Exit> {
                 .map(|descriptor| subject(&file, attach, descriptor, arguments, several))
                 .collect::<Result<Vec<Subject>>>()?;
             for subject in subjects {
-                run.plugin(&subject, &cases)?;
+                run.begin(&subject)?;
+                match (arguments.fuzz, &fuzzed) {
+                    (Some(extent), _) => run.fuzz(&subject, extent)?,
+                    (None, Some(fuzzed)) => run.fuzzed(&subject, fuzzed)?,
+                    (None, None) => run.plugin(&subject, &cases)?,
+                }
             }
         }
         Err(fault) => run.refused(Kit::refused(fault, arguments.seed, started.elapsed())?)?,
@@ -234,7 +290,7 @@ fn selected(arguments: &Check) -> Result<Vec<&'static Case>> {
         (arguments.only.is_empty() || named(&arguments.only, case)) && !named(&arguments.skip, case)
     };
     let cases: Vec<&Case> = CASES.iter().filter(wanted).collect();
-    if arguments.reproduce.is_some() && cases.len() != 1 {
+    if arguments.reproduce.is_some() && arguments.fuzz.is_none() && cases.len() != 1 {
         return Err(
             Failure::new(Exit::Usage, "--reproduce is the seed of one case")
                 .hint("name the case, as in --only random-instances"),
@@ -372,12 +428,11 @@ impl Run<'_> {
         self.arguments.format == Format::Text && self.arguments.report_to.is_none()
     }
 
-    /// All cases of one plugin.
-    fn plugin(&mut self, subject: &Subject, cases: &[&'static Case]) -> Result<()> {
-        let descriptor = &subject.descriptor;
+    /// The title of one plugin, and room for what is found.
+    fn begin(&mut self, subject: &Subject) -> Result<()> {
         let Descriptor {
             kind, id, version, ..
-        } = descriptor;
+        } = &subject.descriptor;
         if self.is_text() {
             if !self.document.plugins.is_empty() {
                 output::print("")?;
@@ -398,7 +453,15 @@ impl Run<'_> {
             expected_plans: 0,
             given_up: 0,
             cases: Vec::new(),
+            fuzz: None,
         });
+        Ok(())
+    }
+
+    /// All cases of one plugin.
+    fn plugin(&mut self, subject: &Subject, cases: &[&'static Case]) -> Result<()> {
+        let descriptor = &subject.descriptor;
+        let kind = &descriptor.kind;
         // What is for another kind is worth a line only if it was asked for.
         let cases: Vec<&Case> = cases
             .iter()
@@ -420,11 +483,8 @@ impl Run<'_> {
                 let text = serde_json::to_vec(&report).map_err(internal)?;
                 std::fs::write(path, text).map_err(internal)?;
             }
-            let replay = matches!(report.outcome, Outcome::Failed | Outcome::Crashed).then(|| {
-                let words = self.words(self.name, descriptor, case, seed);
-                let quoted: Vec<String> = words.iter().map(|word| quoted(word)).collect();
-                format!("fleetyard {}", quoted.join(" "))
-            });
+            let replay = matches!(report.outcome, Outcome::Failed | Outcome::Crashed)
+                .then(|| command(&self.words(self.name, descriptor, &again(case, seed))));
             self.row(Row { report, replay }, width)?;
         }
         self.tell_given_up()
@@ -456,6 +516,134 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// Random instances for one plugin.
+    fn fuzz(&mut self, subject: &Subject, extent: Extent) -> Result<()> {
+        let fuzz = Fuzz {
+            extent,
+            seed: self.arguments.seed,
+            reproduce: self.arguments.reproduce,
+        };
+        let folder = self.arguments.findings.clone();
+        let folder = folder.unwrap_or_else(|| PathBuf::from("."));
+        let mut rows = Vec::new();
+        let mut told = Ok(());
+        let report = self.kit.fuzz(subject, &fuzz, |finding| {
+            let row = self.found(subject, finding, &folder);
+            let told_now = row.and_then(|row| {
+                self.tell_found(&row)?;
+                rows.push(row);
+                Ok(())
+            });
+            if told.is_ok() {
+                told = told_now;
+            }
+        })?;
+        told?;
+        // Those that came before any instance was asked were not told.
+        for finding in report.findings.iter().skip(rows.len()) {
+            let row = FoundRow {
+                finding: finding.clone(),
+                file: None,
+                replay: None,
+                reproduce: None,
+                run: None,
+            };
+            self.tell_found(&row)?;
+            rows.push(row);
+        }
+        self.fuzzing(report, rows)
+    }
+
+    /// A finding of a file, asked again.
+    fn fuzzed(&mut self, subject: &Subject, fuzzed: &Fuzzed) -> Result<()> {
+        let id = &subject.descriptor.id;
+        if *id != fuzzed.plugin && self.is_text() {
+            output::note(&format!("the file is of the plugin `{}`", fuzzed.plugin));
+        }
+        let report = self.kit.fuzzed(subject, fuzzed)?;
+        let mut rows = Vec::new();
+        for finding in &report.findings {
+            if finding.kind != fuzzed.kind && self.is_text() {
+                output::note(&format!("the file is of a failure `{}`", fuzzed.kind));
+            }
+            let row = FoundRow {
+                finding: finding.clone(),
+                file: None,
+                replay: None,
+                reproduce: None,
+                run: None,
+            };
+            self.tell_found(&row)?;
+            rows.push(row);
+        }
+        self.fuzzing(report, rows)
+    }
+
+    /// Counts what the fuzzer found, and says what it did.
+    fn fuzzing(&mut self, report: FuzzReport, findings: Vec<FoundRow>) -> Result<()> {
+        let summary = &mut self.document.summary;
+        for row in &findings {
+            *summary.of(row.finding.outcome) += 1;
+        }
+        if findings.is_empty() {
+            let outcome = if report.instances == 0 {
+                Outcome::Skipped
+            } else {
+                Outcome::Passed
+            };
+            *summary.of(outcome) += 1;
+        }
+        if self.is_text() {
+            output::print(&fuzz_text(&report))?;
+        }
+        if let Some(checked) = self.document.plugins.last_mut() {
+            checked.expected_plans = report.expected_plans;
+            checked.given_up = report.given_up;
+            checked.fuzz = Some(Fuzzing { report, findings });
+        }
+        Ok(())
+    }
+
+    /// Writes a finding, and gives the commands that ask it again.
+    fn found(&self, subject: &Subject, finding: &Finding, folder: &Path) -> Result<FoundRow> {
+        let fuzz::Written { fuzzed, run } = fuzz::write(folder, finding, subject)?;
+        let words =
+            |tail: &[(&str, String)]| command(&self.words(self.name, &subject.descriptor, tail));
+        let run = run.map(|instance| {
+            let mut words = vec!["run".to_owned()];
+            words.extend(instance);
+            let id = &subject.descriptor.id;
+            let planner = if self.name == id || self.name.ends_with(&format!(":{id}")) {
+                self.name.to_owned()
+            } else {
+                format!("{}:{id}", self.name)
+            };
+            words.extend(["--planner".to_owned(), planner]);
+            for option in &self.arguments.options {
+                words.extend(["--option".to_owned(), option.clone()]);
+            }
+            words.extend(granted(&self.arguments.grants));
+            command(&words)
+        });
+        Ok(FoundRow {
+            finding: finding.clone(),
+            replay: Some(words(&[("fuzzed", fuzzed.display().to_string())])),
+            reproduce: Some(words(&[
+                ("fuzz", "1".to_owned()),
+                ("reproduce", finding.seed.to_string()),
+            ])),
+            file: Some(fuzzed),
+            run,
+        })
+    }
+
+    fn tell_found(&self, row: &FoundRow) -> Result<()> {
+        if self.is_text() {
+            output::print(&output::plain(&found_text(row)))?;
+        }
+        Ok(())
+    }
+
     fn refused(&mut self, report: CaseReport) -> Result<()> {
         if self.is_text() {
             output::print(&output::plain(self.name))?;
@@ -467,6 +655,7 @@ impl Run<'_> {
             expected_plans: 0,
             given_up: 0,
             cases: Vec::new(),
+            fuzz: None,
         });
         let width = report.case.len();
         let replay = None;
@@ -515,8 +704,8 @@ impl Run<'_> {
         Ok(if bad { Exit::Plugin } else { Exit::Success })
     }
 
-    /// Arguments that ask one case again.
-    fn words(&self, plugin: &str, of: &Descriptor, case: &Case, seed: u64) -> Vec<String> {
+    /// Arguments that ask the same plugin as here what the last of them say.
+    fn words(&self, plugin: &str, of: &Descriptor, what: &[(&str, String)]) -> Vec<String> {
         let defaults = Config::default();
         let Check {
             budget,
@@ -545,8 +734,9 @@ impl Run<'_> {
                 add(name, humantime::format_duration(*value).to_string());
             }
         }
-        add("only", case.name.into());
-        add("reproduce", seed.to_string());
+        for (name, value) in what {
+            add(name, value.clone());
+        }
         words.extend(granted(&self.arguments.grants));
         words
     }
@@ -570,7 +760,7 @@ impl Run<'_> {
         };
         let started = Instant::now();
         let mut child = Command::new(std::env::current_exe().map_err(internal)?)
-            .args(self.words(&plugin, &subject.descriptor, case, seed))
+            .args(self.words(&plugin, &subject.descriptor, &again(case, seed)))
             .arg("--report-to")
             .arg(report.path())
             .stdin(Stdio::null())
@@ -619,6 +809,28 @@ impl Run<'_> {
     }
 }
 
+/// Arguments that ask one case again.
+fn again(case: &Case, seed: u64) -> [(&'static str, String); 2] {
+    [("only", case.name.into()), ("reproduce", seed.to_string())]
+}
+
+/// A command line of this command.
+fn command(words: &[String]) -> String {
+    let quoted: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+    format!("fleetyard {}", quoted.join(" "))
+}
+
+/// The extent of a run of the fuzzer: a number of instances, or a duration.
+fn extent(text: &str) -> std::result::Result<Extent, String> {
+    match text.parse() {
+        Ok(0) => Err("ask at least one instance".into()),
+        Ok(instances) => Ok(Extent::Instances(instances)),
+        Err(_) => duration(text).map(Extent::Lasting).map_err(|_| {
+            "write a number of instances, such as 200, or a duration, such as 10m".to_owned()
+        }),
+    }
+}
+
 /// Arguments that grant the same, where it is not what everybody gets.
 fn granted(grants: &GrantArgs) -> Vec<String> {
     let usual = Policy::default();
@@ -663,7 +875,6 @@ fn ending(status: ExitStatus) -> String {
 
 /// A case for people: a line, and more where there is more to say.
 fn text(row: &Row, width: usize, with_notes: bool) -> String {
-    const MARGIN: usize = 12;
     let CaseReport {
         case,
         outcome,
@@ -682,12 +893,7 @@ fn text(row: &Row, width: usize, with_notes: bool) -> String {
     }
     let digits = usize::from(*time_ms < 10.0);
     let _ = write!(text, "  {time_ms:>8.digits$} ms");
-    let mut more = |name: &str, words: &str| {
-        for (number, line) in words.lines().enumerate() {
-            let name = if number == 0 { name } else { "" };
-            let _ = write!(text, "\n{:MARGIN$}{name}{line}", "");
-        }
-    };
+    let mut more = |name: &str, words: &str| lines_below(&mut text, name, words);
     if let Some(reason) = reason {
         more("", reason);
     }
@@ -699,6 +905,114 @@ fn text(row: &Row, width: usize, with_notes: bool) -> String {
     }
     if let Some(replay) = &row.replay {
         more("replay: ", replay);
+    }
+    text
+}
+
+/// Adds lines below that of a case, the first with a name.
+fn lines_below(text: &mut String, name: &str, words: &str) {
+    const MARGIN: usize = 12;
+    for (number, line) in words.lines().enumerate() {
+        let name = if number == 0 { name } else { "" };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\n{:MARGIN$}{name}{line}", "");
+    }
+}
+
+/// A finding of the fuzzer for people.
+fn found_text(row: &FoundRow) -> String {
+    let Finding {
+        kind,
+        outcome,
+        reason,
+        seed,
+        number,
+        view,
+        asked_again,
+        failed_again,
+        is_hurried,
+        before,
+        after,
+        candidates,
+        is_smallest,
+        ..
+    } = &row.finding;
+    let mut text = format!("  {outcome:8}  {kind}");
+    let mut more = |name: &str, words: &str| lines_below(&mut text, name, words);
+    more("", reason);
+    if *asked_again > 0 {
+        more("", &format!("instance {number}, {view}, seed {seed}"));
+    }
+    if *candidates > 0 {
+        let end = if *is_smallest {
+            ""
+        } else {
+            "; it was stopped before nothing more could be left out"
+        };
+        more("before: ", &before.to_string());
+        more("after:  ", &format!("{after}, of {candidates} tried{end}"));
+    }
+    if failed_again < asked_again {
+        more(
+            "note: ",
+            &format!(
+                "it does not fail every time: {failed_again} of {asked_again} times in a fresh process"
+            ),
+        );
+    }
+    if *is_hurried {
+        more(
+            "note: ",
+            "it has a short budget: the answer may depend on the speed of this machine",
+        );
+    }
+    for (name, words) in [
+        ("replay: ", &row.replay),
+        ("first:  ", &row.reproduce),
+        ("run:    ", &row.run),
+    ] {
+        if let Some(words) = words {
+            more(name, words);
+        }
+    }
+    text
+}
+
+/// The work of the fuzzer for people.
+fn fuzz_text(report: &FuzzReport) -> String {
+    let FuzzReport {
+        instances,
+        by_view,
+        calls,
+        processes,
+        time_ms,
+        calls_per_s,
+        expected_plans,
+        given_up,
+        unknown,
+        ..
+    } = report;
+    let views: Vec<String> = by_view
+        .iter()
+        .map(|(view, count)| format!("{count} {view}"))
+        .collect();
+    let views = views.join(", ");
+    let mut text = format!(
+        "  instances: {instances} ({views}); calls: {calls} in {:.1} s, {calls_per_s:.0} a second; \
+         processes: {processes}",
+        time_ms / 1e3
+    );
+    if *expected_plans > 0 {
+        let _ = write!(
+            text,
+            "\n  gave up on {given_up} of {expected_plans} calls that have a plan"
+        );
+    }
+    if *unknown > 0 {
+        let _ = write!(
+            text,
+            "\n  instances with robots or obstacles that it does not know, as it may: {unknown}"
+        );
     }
     text
 }

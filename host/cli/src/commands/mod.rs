@@ -10,6 +10,7 @@ pub(crate) mod convert;
 pub(crate) mod doctor;
 mod export;
 pub(crate) mod fleet;
+mod fuzz;
 mod guide;
 pub(crate) mod jobs;
 mod live;

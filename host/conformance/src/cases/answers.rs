@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use fleetyard_abi::{FleetStatus, GridPlan, Kind, Objective, Plan, Status};
+use fleetyard_abi::{FleetStatus, GridPlan, Kind, Objective, Status};
 use fleetyard_runtime::Closing;
 
 use crate::question::Question;
@@ -128,23 +128,7 @@ pub(crate) fn figures(trial: &mut Trial<'_>) -> Step<()> {
     // A figure outside of its domain breaks the contract, and ends this here.
     let answer = trial.ask(&mut session, &scene, &Call::of(trial.wall()))?;
     trial.judge(&scene, &answer, Expectation::Perhaps)?;
-    let claimed = |name: &str| answer.figures.get(name).copied();
-    let cells = || answer.plans().iter().filter_map(Plan::cells);
-    let costs = || cells().map(GridPlan::sum_of_costs);
-    if let (Some(bound), Some(best)) = (claimed("lower_bound"), costs().min())
-        && bound > best as f64
-    {
-        return Err(Stop::Failed(format!(
-            "reports a `lower_bound` of {bound}, and its plan costs {best}"
-        )));
-    }
-    if let (Some(cost), Some(last)) = (claimed("claimed_sum_of_costs"), costs().next_back())
-        && (cost - last as f64).abs() > 1e-6
-    {
-        return Err(Stop::Failed(format!(
-            "reports a `claimed_sum_of_costs` of {cost}, and its plan costs {last}"
-        )));
-    }
+    trial.judge_figures(&answer, None)?;
     trial.close(session);
     Ok(())
 }
@@ -228,11 +212,11 @@ pub(crate) fn fleet_statuses(trial: &mut Trial<'_>) -> Step<()> {
         let (one, other) = answers;
         if one.said == Said::Nothing {
             let message = one.message.as_deref().unwrap_or("it did not say why");
-            return Err(Stop::Failed(format!("does not answer: {message}")));
+            return Err(Stop::failed(format!("does not answer: {message}")));
         }
         // It has no seed: what it depends on it was told.
         if one.said != other.said {
-            return Err(Stop::Failed(format!(
+            return Err(Stop::failed(format!(
                 "answers differently from one start to the next {} s after the last call",
                 status.since_last_call_s
             )));

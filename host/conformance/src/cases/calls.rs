@@ -37,7 +37,7 @@ pub(crate) fn repeated_calls(trial: &mut Trial<'_>) -> Step<()> {
         if plans && trial.claims(Capability::Deterministic) {
             same(&answers[0], &answers[2]).map_err(|reason| {
                 let name = there.name();
-                Stop::Failed(format!("{name}: asked the same in one session, {reason}"))
+                Stop::failed(format!("{name}: asked the same in one session, {reason}"))
             })?;
         }
     }
@@ -180,7 +180,7 @@ pub(crate) fn prepare_deadline(trial: &mut Trial<'_>) -> Step<()> {
             Err(fault) => return Err(fault.into()),
         }
         if late > trial.config().grace {
-            return Err(Stop::Failed(format!(
+            return Err(Stop::failed(format!(
                 "`prepare` returned {:.0} ms after its deadline",
                 milliseconds(late)
             )));
@@ -250,7 +250,7 @@ pub(crate) fn memory_growth(trial: &mut Trial<'_>) -> Step<()> {
     trial.figure("memory_mib", few as f64 / MIB as f64);
     trial.figure("memory_of_four_times_mib", many as f64 / MIB as f64);
     if many > few + few / 2 + 32 * MIB {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "{calls} calls need {} MiB, {} calls {} MiB",
             few / MIB,
             4 * calls,
@@ -277,8 +277,8 @@ pub(crate) fn large_case(trial: &mut Trial<'_>) -> Step<()> {
         trial.any_representation()[0]
     };
     let mb = match cross(trial, &*representation.of(&vast), strict) {
-        Err(Stop::Failed(reason) | Stop::Crashed(reason)) if !strict => {
-            trial.note(reason);
+        Err(Stop::Failed(failure) | Stop::Crashed(failure)) if !strict => {
+            trial.note(failure.reason);
             return Ok(());
         }
         ended => ended?,
@@ -291,7 +291,7 @@ pub(crate) fn large_case(trial: &mut Trial<'_>) -> Step<()> {
          follow what agents touch, not the cells of the map by their steps"
     );
     if strict {
-        return Err(Stop::Failed(reason));
+        return Err(Stop::failed(reason));
     }
     trial.warn(reason);
     Ok(())
@@ -352,7 +352,7 @@ pub(crate) fn thread_limit(trial: &mut Trial<'_>) -> Step<()> {
     trial.figure("cpu_ms", milliseconds(cpu));
     trial.figure("wall_ms", milliseconds(wall));
     if is_more(spent) {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "allowed one thread, it spent {:.0} ms of CPU time in {:.0} ms",
             milliseconds(cpu),
             milliseconds(wall)

@@ -149,7 +149,7 @@ pub(crate) fn colliding_plans(trial: &mut Trial<'_>) -> Step<()> {
 pub(crate) fn k_robust(trial: &mut Trial<'_>) -> Step<()> {
     let schema = &trial.descriptor().options_schema;
     if schema.pointer("/properties/k").is_none() {
-        return Err(Stop::Failed("its schema has no option `k`".into()));
+        return Err(Stop::failed("its schema has no option `k`"));
     }
     trial.delay = 1;
     let options = Map::from_iter([("k".to_owned(), json!(1))]);
@@ -284,7 +284,7 @@ pub(crate) fn deterministic(trial: &mut Trial<'_>) -> Step<()> {
             trial.figure("first_plans_only", 1.0);
         }
         same(&answers[0], &answers[1])
-            .map_err(|reason| Stop::Failed(format!("{}: {reason}", question.name())))?;
+            .map_err(|reason| Stop::failed(format!("{}: {reason}", question.name())))?;
     }
     Ok(())
 }

@@ -55,7 +55,7 @@ pub(crate) fn unknown_part(trial: &mut Trial<'_>) -> Step<()> {
         if trial.claims(Capability::Deterministic) {
             same(&answers[0], &answers[1]).map_err(|reason| {
                 let name = question.name();
-                Stop::Failed(format!(
+                Stop::failed(format!(
                     "{name}: with a part that it need not know, {reason}"
                 ))
             })?;
@@ -83,7 +83,7 @@ pub(crate) fn annotations_off(trial: &mut Trial<'_>) -> Step<()> {
         if trial.claims(Capability::Deterministic) {
             same(&answers[0], &answers[1]).map_err(|reason| {
                 let name = question.name();
-                Stop::Failed(format!("{name}: asked for annotations, {reason}"))
+                Stop::failed(format!("{name}: asked for annotations, {reason}"))
             })?;
         }
     }
@@ -140,7 +140,7 @@ fn refused(
     message: &str,
 ) -> Step<()> {
     if status != Status::Unsupported {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "answers `{status}` to {what}, `{name}`, which it does not know: the answer is \
              `unsupported`"
         )));
@@ -281,7 +281,7 @@ pub(crate) fn memory_replayed(trial: &mut Trial<'_>) -> Step<()> {
             }
             found.map_err(|reason| {
                 let name = question.name();
-                Stop::Failed(format!("{name}: with the same memory, {reason}"))
+                Stop::failed(format!("{name}: with the same memory, {reason}"))
             })?;
         }
     }

@@ -20,7 +20,7 @@ pub(crate) fn handshake(trial: &mut Trial<'_>) -> Step<()> {
         .any(|offered| offered.kind == *kind && offered.id == *id);
     trial.close(session);
     if !offered {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "it offered a {kind} `{id}` before, and does not now"
         )));
     }
@@ -61,13 +61,13 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
         all.iter().map(|one| (one.kind, one.id.clone())).collect()
     };
     if own(&first) != own(&second) || names(&first) != names(&second) {
-        return Err(Stop::Failed(
-            "it describes itself differently from one start to the next".into(),
+        return Err(Stop::failed(
+            "it describes itself differently from one start to the next",
         ));
     }
     let namesakes = own(&first).len();
     if namesakes > 1 {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "it has {namesakes} of kind {kind} named `{id}`"
         )));
     }
@@ -84,12 +84,12 @@ pub(crate) fn descriptor(trial: &mut Trial<'_>) -> Step<()> {
     let mut defaults = defaults(about);
     defaults.extend(trial.subject.options.clone());
     check_options(&defaults, &about.options_schema).map_err(|error| {
-        Stop::Failed(format!(
+        Stop::failed(format!(
             "its defaults do not satisfy its own schema: {error}"
         ))
     })?;
     check_options(&trial.subject.options, &about.options_schema).map_err(|error| {
-        Stop::Failed(format!(
+        Stop::failed(format!(
             "it cannot be made without further options: {error}; leave them out of `required` \
              or give them with --option"
         ))
@@ -111,7 +111,7 @@ fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
         .find(|(claim, one_of)| claims(*claim) && !one_of.iter().any(|one| claims(*one)));
     if let Some((claim, one_of)) = pairs {
         let names: Vec<&str> = one_of.iter().map(|one| one.as_str()).collect();
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "claims `{}` without {}",
             claim.as_str(),
             names.join(" or ")
@@ -120,13 +120,13 @@ fn claims_fit(trial: &mut Trial<'_>) -> Step<()> {
     let about = trial.descriptor();
     let somewhere = [C::Grid, C::Roadmap, C::Continuous];
     if trial.kind() == Kind::Planner && !somewhere.iter().any(|claim| claims(*claim)) {
-        return Err(Stop::Failed(
-            "claims no representation (grid, roadmap, continuous): it can be asked nothing".into(),
+        return Err(Stop::failed(
+            "claims no representation (grid, roadmap, continuous): it can be asked nothing",
         ));
     }
     if claims(C::KRobust) && about.options_schema.pointer("/properties/k").is_none() {
-        return Err(Stop::Failed(
-            "claims `k-robust`, but its schema has no option `k`".into(),
+        return Err(Stop::failed(
+            "claims `k-robust`, but its schema has no option `k`",
         ));
     }
     if trial.kind() == Kind::InvocationPolicy {
@@ -275,7 +275,7 @@ pub(crate) fn ending(trial: &mut Trial<'_>) -> Step<()> {
         return Err(stop.told(|reason| format!("after its last answer it {reason}")));
     }
     if taken >= trial.config().ending() {
-        return Err(Stop::Failed(format!(
+        return Err(Stop::failed(format!(
             "it did not end within {:?} after it was told to, and was killed",
             trial.config().ending()
         )));
@@ -296,5 +296,5 @@ pub(crate) fn host_process(trial: &mut Trial<'_>) -> Step<()> {
         return Ok(());
     }
     let broken: Vec<String> = broken.iter().map(ToString::to_string).collect();
-    Err(Stop::Failed(broken.join("; ")))
+    Err(Stop::failed(broken.join("; ")))
 }

@@ -10,7 +10,7 @@ use fleetyard_world::Footprint;
 
 use super::{RADIUS_M, Scene, middle_m};
 use crate::question::Question;
-use crate::rules::{Arrival, Rules, VIOLATIONS, other_form};
+use crate::rules::{Arrival, Rules, VIOLATIONS, broken, other_form};
 use crate::stop::Step;
 
 const SPEED_M_PER_S: f64 = 1.0;
@@ -66,9 +66,19 @@ impl RoadmapScene {
     /// A scene on a grid: a vertex in the middle of every cell, of which those of obstacles have no
     /// edges.
     pub(crate) fn of(scene: &Scene, motion: Motion) -> Self {
+        Self::beside(scene, motion, &[])
+    }
+
+    /// The same with vertices so many metres beside the middle of their cells, as far as the list goes.
+    pub(crate) fn beside(scene: &Scene, motion: Motion, beside_m: &[[f64; 2]]) -> Self {
         let grid = &scene.grid;
         let cells = 0..grid.cell_count();
-        let vertices: Vec<[f64; 2]> = cells.clone().map(|cell| middle_m(grid, cell)).collect();
+        let place = |cell: u32| {
+            let ([x, y], beside) = (middle_m(grid, cell), beside_m.get(cell as usize));
+            let [right, up] = beside.copied().unwrap_or_default();
+            [x + right, y + up]
+        };
+        let vertices: Vec<[f64; 2]> = cells.clone().map(place).collect();
         let edges = cells.flat_map(|from| {
             let targets = grid.neighbors(from, scene.connectivity);
             targets.map(move |to| (from, to))
@@ -85,6 +95,14 @@ impl RoadmapScene {
             best: None,
             crowded: scene.crowded,
         }
+    }
+
+    /// The roadmap as the host knows it.
+    pub(crate) fn roads(&self) -> Result<Roadmap, String> {
+        let own = &self.roadmap;
+        let edges = own.edges.iter().zip(0..);
+        let edges = edges.flat_map(|(targets, from)| targets.iter().map(move |to| (from, *to)));
+        Roadmap::new(own.x_m.clone(), own.y_m.clone(), edges).map_err(|error| error.to_string())
     }
 }
 
@@ -160,10 +178,7 @@ impl Question for RoadmapScene {
         };
         let plan = timed(visits).map_err(|error| error.to_string())?;
         let own = &self.roadmap;
-        let edges = own.edges.iter().zip(0..);
-        let edges = edges.flat_map(|(targets, from)| targets.iter().map(move |to| (from, *to)));
-        let roadmap = Roadmap::new(own.x_m.clone(), own.y_m.clone(), edges)
-            .map_err(|error| error.to_string())?;
+        let roadmap = self.roads()?;
         let radius_m = own.separation_m / 2.0;
         let disc = Footprint::Disc { radius_m }
             .shape()
@@ -191,7 +206,7 @@ impl Question for RoadmapScene {
         let counts = |rule: RoadmapRule| !(rule.is_contact() && rules.may_collide);
         let found = verdict.violations.iter().find(|found| counts(found.rule));
         if let Some(found) = found {
-            return Err(format!("{} ({})", found.sentence, found.rule));
+            return Err(broken(&found.sentence, found.rule));
         }
         let lifted = plan
             .to_trajectories(&roadmap)

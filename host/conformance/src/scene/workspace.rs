@@ -15,7 +15,7 @@ use fleetyard_world::{Bounds, ControlModel, Dynamics, Polygon, Pose, Shape, Work
 use super::robots::{disc, moved_by};
 use super::{RADIUS_M, Scene, middle_m};
 use crate::question::Question;
-use crate::rules::{Arrival, Rules, VIOLATIONS, other_form};
+use crate::rules::{Arrival, Rules, VIOLATIONS, broken, other_form};
 use crate::stop::Step;
 
 const GOAL_TOLERANCE_M: f64 = 0.05;
@@ -142,7 +142,7 @@ impl WorkspaceScene {
     }
 
     /// The world as the host knows it.
-    fn world(&self) -> Result<Workspace, String> {
+    pub(crate) fn world(&self) -> Result<Workspace, String> {
         let own = &self.workspace;
         let polygon =
             |corners: &[[f64; 2]]| Polygon::new(corners).map_err(|error| error.to_string());
@@ -347,7 +347,7 @@ impl Question for WorkspaceScene {
         let verdict = validate_trajectories(&plan, &task, VIOLATIONS);
         let counts = |rule| !(rules.may_collide && rule == ContinuousRule::AgentContact);
         match verdict.violations.iter().find(|found| counts(found.rule)) {
-            Some(found) => Err(format!("{} ({})", found.sentence, found.rule)),
+            Some(found) => Err(broken(&found.sentence, found.rule)),
             None => Ok(TravelCosts::of(&plan).sum_of_costs_s),
         }
     }
