@@ -18,6 +18,14 @@ use crate::{Tests, says};
 /// is found, most agents and cells of the smallest one, and the instances and the calls that it needs.
 type Found = (&'static str, &'static str, u64, &'static str, [u64; 4]);
 
+/// Instances that standard plugins failed once: name, plugin, and the probe.
+const MENDED: &[(&str, &str, &str)] = &[(
+    "one-way street to a dead end",
+    "lacam",
+    r#""seed":1,"view":"grid","map":["..",".."],"closed":[[1,3],[1,0]],
+        "calls":[{"agents":[{"start":3,"goals":[2]},{"start":2,"goals":[3]}]}]"#,
+)];
+
 const FOUND: &[Found] = &[
     (
         "promising",
@@ -172,6 +180,16 @@ pub(crate) fn add(tests: &mut Tests) {
             assert_eq!(fuzz["findings"], Value::Array(Vec::new()), "{document}");
             assert_eq!(document["summary"]["passed"], 1, "{document}");
             assert_eq!(yard.files(), BTreeSet::new());
+        });
+    }
+    for (name, plugin, probe) in MENDED {
+        tests.add(&format!("fuzz::mended::{plugin}::{name}"), move || {
+            let yard = Yard::new();
+            let head = r#"{"format":"fleetyard.fuzzed/1","kind":"any","plugin":"#;
+            let content = format!("{head}\"{plugin}\",\"probes\":[{{{probe}}}]}}");
+            yard.write("mended.json", content);
+            let line = format!("plugins check {plugin} --fuzzed mended.json");
+            yard.line(&line).expect(SUCCESS);
         });
     }
     let singles: [(&str, fn()); 6] = [

@@ -237,7 +237,8 @@ impl Scatter<'_, '_> {
                 if self.entered[u as usize] != UNSEEN {
                     continue;
                 }
-                let f = g + 1 + self.distances.get(agent, u);
+                // On one-way streets a goal may be out of reach from here, at a distance without bounds.
+                let f = self.distances.get(agent, u).saturating_add(g + 1);
                 if f > shortest + self.margin {
                     continue;
                 }
