@@ -36,20 +36,6 @@ const FOUND: &[Found] = &[
     ),
     (
         "promising",
-        "swaps-places",
-        15,
-        "invalid-plan swap-conflict",
-        [3, 4, 1, 1],
-    ),
-    (
-        "promising",
-        "through-walls",
-        90,
-        "invalid-plan obstacle",
-        [1, 3, 1, 1],
-    ),
-    (
-        "promising",
         "ignores-arrows",
         6,
         "invalid-plan move-not-allowed",
@@ -57,38 +43,10 @@ const FOUND: &[Found] = &[
     ),
     (
         "promising",
-        "cuts-corners",
-        12,
-        "invalid-plan corner-cut",
-        [1, 4, 1, 1],
-    ),
-    (
-        "promising",
-        "turns-in-no-time",
-        2,
-        "invalid-plan turn",
-        [1, 2, 1, 1],
-    ),
-    (
-        "promising",
-        "no-one-cell",
-        40,
-        "reported unsupported prepare",
-        [1, 1, 1, 1],
-    ),
-    (
-        "promising",
         "nothing-to-do-fails",
         4,
         "false-claim infeasible",
         [1, 1, 1, 1],
-    ),
-    (
-        "promising",
-        "idle-agent-blocks",
-        2,
-        "invalid-plan parked-conflict",
-        [2, 2, 1, 1],
     ),
     (
         "promising",
@@ -112,25 +70,11 @@ const FOUND: &[Found] = &[
         [1, 1, 1, 2],
     ),
     (
-        "promising",
-        "dies-of-bad-input",
-        80,
-        "crash signal 6 plan",
-        [2, 1, 1, 1],
-    ),
-    (
         "promising-roads",
         "ignores-others",
         2,
         "invalid-plan head-on",
         [2, 2, 1, 1],
-    ),
-    (
-        "promising-roads",
-        "jumps-edges",
-        2,
-        "invalid-plan no-such-edge",
-        [1, 3, 1, 1],
     ),
     (
         "promising-plane",
@@ -163,13 +107,10 @@ pub(crate) fn add(tests: &mut Tests) {
         });
     }
     for plugin in [
-        "pibt --kind planner",
         "pibt --kind fail-policy",
         "lacam",
         "epibt --kind planner",
-        "theta-star",
         "roadmap-pp",
-        "si-tangent",
     ] {
         tests.add(&format!("fuzz::passes::{plugin}"), move || {
             let yard = Yard::new();
