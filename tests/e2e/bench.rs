@@ -612,8 +612,8 @@ fn a_planner_is_all_that_is_in_its_folder() {
     fs::copy(yard.path("own/s.sqlite"), yard.path("own/other.sqlite")).unwrap();
     fs::copy(yard.path("own/s.toml"), yard.path("own/other.toml")).unwrap();
     assert_eq!(bench("--resume")["made"], 0);
-    for changed in ["own/helper.py", "own/data/weights.bin", "lib/elsewhere.txt"] {
-        fs::create_dir_all(yard.path("own/data")).unwrap();
+    fs::create_dir(yard.path("own/data")).unwrap();
+    for changed in ["own/data/weights.bin", "lib/elsewhere.txt"] {
         yard.write(changed, "STEPS = 2\n");
         let verified = yard.line("bench own/s.toml --store own/s.sqlite --verify");
         let name = if changed.starts_with("lib") {
@@ -624,8 +624,8 @@ fn a_planner_is_all_that_is_in_its_folder() {
         let verified = verified.expect(INPUT);
         assert!(verified.stderr.contains(name), "{changed}: {verified}");
         assert_eq!(bench("--resume")["made"], 1, "{changed}");
-        assert_eq!(bench("--resume")["made"], 0, "{changed}");
     }
+    assert_eq!(bench("--resume")["made"], 0);
     let info = yard
         .line("plugins info ./own/moody.py")
         .expect(SUCCESS)

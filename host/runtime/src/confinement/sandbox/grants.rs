@@ -43,7 +43,7 @@ pub use programs::out_of_reach;
 pub(crate) use programs::{Interpreter, Python, find_program, python};
 use programs::{
     SEARCH_PATH, SOFTWARE, USER_BASE, base, host_path, interpreter, is_on_search_path, is_python,
-    prefix, python_prefix, software, user_base, user_sites,
+    modules, prefix, python_prefix, software, user_base, user_sites,
 };
 
 /// The folder where the plugin may write.
@@ -246,12 +246,14 @@ impl Grants {
     ) -> Result<Vec<(PathBuf, bool)>, Fault> {
         let own: Vec<PathBuf> = target.file().iter().flat_map(|file| own(file)).collect();
         let mut named = policy.read.clone();
-        // What the host's user has set for everybody is of use to interpreters alone, or is a part of
-        // the system that the user chose.
-        let variables = software(&policy.env).into_iter();
+        // A library path that the host's user has set for everybody is a part of the system that the user
+        // chose.
         let to_all = software(&[]);
-        let is_python = python(target).is_some();
-        named.extend(variables.filter(|path| is_python || !to_all.contains(path)));
+        let given = software(&policy.env).into_iter();
+        named.extend(given.filter(|path| !to_all.contains(path)));
+        if python(target).is_some() {
+            named.extend(modules(&policy.env));
+        }
         if let Target::Adapter(path) = target {
             named.extend(declared(path)?.read);
         }

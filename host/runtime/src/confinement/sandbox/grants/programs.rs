@@ -107,15 +107,22 @@ pub(super) fn user_sites() -> Vec<PathBuf> {
 /// Folders that variables name which say where software is: the host's, and those that its user `gives`
 /// to the plugin in their place.
 pub(super) fn software(gives: &[(String, String)]) -> Vec<PathBuf> {
-    let value = |name: &str| {
-        let given = gives.iter().rev().find(|(given, _)| given == name);
-        match given {
-            Some((_, value)) => Some(value.into()),
-            None => std::env::var_os(name),
-        }
+    let variables = SOFTWARE.into_iter();
+    variables.flat_map(|name| folders_of(name, gives)).collect()
+}
+
+/// The same of the variable that says where modules of Python are.
+pub(super) fn modules(gives: &[(String, String)]) -> Vec<PathBuf> {
+    folders_of("PYTHONPATH", gives)
+}
+
+fn folders_of(name: &str, gives: &[(String, String)]) -> Vec<PathBuf> {
+    let given = gives.iter().rev().find(|(given, _)| given == name);
+    let value = match given {
+        Some((_, value)) => Some(value.into()),
+        None => std::env::var_os(name),
     };
-    let values = SOFTWARE.into_iter().filter_map(value);
-    let folders = values.flat_map(|value| std::env::split_paths(&value).collect::<Vec<_>>());
+    let folders = value.iter().flat_map(std::env::split_paths);
     folders.filter(|folder| is_granted(folder)).collect()
 }
 
