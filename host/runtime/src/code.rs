@@ -127,7 +127,8 @@ impl CodeFile {
     }
 
     /// The digest of a place that is not a plugin's own: of the names and contents of its files if somebody
-    /// names it, and of an installation, where contents follow from versions, of names and sizes. A place
+    /// names it, and of the upper levels of an installation, where contents follow from versions, of names
+    /// and sizes. A place
     /// of very much has times of change for contents, of its first files. A file that is closed to the
     /// host's user is closed to the plugin, and stands by its name.
     fn of_place(path: PathBuf, is_named: bool, hidden: &[PathBuf]) -> Result<Self, Fault> {
@@ -138,6 +139,9 @@ impl CodeFile {
         let hidden = Hidden::new(hidden, &[], &[]);
         let real = fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
         let mut walk = Walk::tolerant(Walk::ELSEWHERE_BYTES);
+        if !is_named {
+            walk.deepest = real.components().count() + Walk::INSTALLED;
+        }
         let is_whole = walk.enter(&real, &real, &hidden)?;
         let contents = match (is_named, is_whole) {
             (true, true) => Contents::Read,
@@ -327,6 +331,8 @@ struct Walk {
     most_bytes: u64,
     /// True if more than that is a fault, and not a place that is known by less.
     refuses: bool,
+    /// Parts of a path at which a folder is known by its name alone.
+    deepest: usize,
 }
 
 /// The part of a digest of a folder that stands for the content of a file.
@@ -343,6 +349,9 @@ enum Contents {
 impl Walk {
     const OWN_BYTES: u64 = 8 << 30;
     const ELSEWHERE_BYTES: u64 = 1 << 30;
+    /// Levels of an installation: those of `lib/python3.11/site-packages` and of the packages in it, whose
+    /// names have their versions.
+    const INSTALLED: usize = 4;
 
     /// With a fault where there is too much.
     fn strict() -> Self {
@@ -361,6 +370,7 @@ impl Walk {
             most_files: 50_000,
             most_bytes,
             refuses: false,
+            deepest: usize::MAX,
         }
     }
 
@@ -373,6 +383,7 @@ impl Walk {
                 entry.map_or_else(|_| "closed".into(), |file| file.sha256)
             } else {
                 let meta = file.symlink_metadata();
+                let meta = meta.ok().filter(|meta| !meta.is_dir());
                 let (bytes, time_ns) = meta.map_or((0, 0), |meta| Stamp::of(&meta).seen());
                 let time_ns = if contents == Contents::ByTime {
                     time_ns
@@ -398,6 +409,10 @@ impl Walk {
             return Ok(true);
         }
         let meta = path.symlink_metadata().map_err(failed)?;
+        if meta.is_dir() && path.components().count() >= self.deepest {
+            self.files.insert(path.to_owned());
+            return Ok(true);
+        }
         if meta.is_dir() {
             let entries = match fs::read_dir(path) {
                 Err(error) if !self.refuses && error.kind() == ErrorKind::PermissionDenied => {
