@@ -24,8 +24,6 @@ pub struct Plugin {
     file: PluginFile,
     id: Option<String>,
     identity: Identity,
-    /// The part of it that is looked at before every trial.
-    own: Vec<CodeFile>,
     standing: Standing,
     attach: Attach,
     options: GivenOptions,
@@ -75,7 +73,6 @@ impl Plugin {
             _ => name.to_owned(),
         };
         let identity = runtime.identity(&file)?;
-        let own = file.own_code(&runtime.limits().policy.hidden)?;
         let standing = runtime.limits().trust.standing(&file);
         Ok(Self {
             name,
@@ -85,7 +82,6 @@ impl Plugin {
             file,
             id,
             identity,
-            own,
             standing,
         })
     }
@@ -150,11 +146,12 @@ impl Plugin {
         let mut session = runtime.open(&self.file, self.attach)?;
         // What the record says of the code has to be true of every trial.
         let own = self.file.own_code(&runtime.limits().policy.hidden)?;
-        if own != self.own {
+        let known = self.identity.own();
+        if own != known {
             session.close();
-            let changed = own.iter().chain(&self.own);
+            let changed = own.iter().chain(known);
             let changed = changed
-                .filter(|file| !(own.contains(file) && self.own.contains(file)))
+                .filter(|file| !(own.contains(file) && known.contains(file)))
                 .map(|file| file.path.clone());
             return Err(TrialError::CodeChanged {
                 name: self.name.clone(),

@@ -37,6 +37,14 @@ pub struct Identity {
     /// The files that are started, the others of the plugin's own folder, and the places outside of it
     /// that the plugin may read; empty for the built-ins.
     pub code: Vec<CodeFile>,
+    own: usize,
+}
+
+impl Identity {
+    /// The part of `code` that is the plugin's own, as [`PluginFile::own_code`] finds it.
+    pub fn own(&self) -> &[CodeFile] {
+        &self.code[..self.own]
+    }
 }
 
 /// A state of a file: while it is the same, so is what is in the file.
@@ -197,8 +205,11 @@ impl PluginFile {
                 let read = self.started(failed)?.finish();
                 *BUILT_IN.get_or_init(|| read)
             };
-            let code = Vec::new();
-            return Ok(Identity { digest, code });
+            return Ok(Identity {
+                digest,
+                code: Vec::new(),
+                own: 0,
+            });
         }
         let mut hasher = self.started(Fault::file)?;
         let started = self.code_paths()?.len();
@@ -218,9 +229,11 @@ impl PluginFile {
         for place in &elsewhere {
             hasher.bytes(place.sha256.as_bytes());
         }
-        let digest = hasher.finish();
-        let code = code.into_iter().chain(elsewhere).collect();
-        Ok(Identity { digest, code })
+        Ok(Identity {
+            digest: hasher.finish(),
+            own: code.len(),
+            code: code.into_iter().chain(elsewhere).collect(),
+        })
     }
 
     /// The part of the identity that is the plugin's own: cheap to look at again. Of a folder with more

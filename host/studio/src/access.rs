@@ -136,11 +136,7 @@ impl Access {
     /// A ticket for one request by `GET`.
     pub(crate) fn ticket(&self) -> std::io::Result<String> {
         let ticket = secret()?;
-        let mut given = self.given();
-        given.tickets.push_back((ticket.clone(), Instant::now()));
-        if given.tickets.len() > MOST {
-            given.tickets.pop_front();
-        }
+        keep(&mut self.given().tickets, (ticket.clone(), Instant::now()));
         Ok(ticket)
     }
 
@@ -219,11 +215,7 @@ impl Access {
 
     fn admit(&self) -> Result<Entry, Refused> {
         let key = secret().map_err(|error| Refused::machine("there are no random bits", error))?;
-        let mut given = self.given();
-        given.keys.push_back(key.clone());
-        if given.keys.len() > MOST {
-            given.keys.pop_front();
-        }
+        keep(&mut self.given().keys, key.clone());
         Ok(Entry::Welcome(key))
     }
 
@@ -247,6 +239,14 @@ impl Access {
                 name == "localhost" && (self.address.is_loopback() || self.address.is_unspecified())
             }
         }
+    }
+}
+
+/// Adds one, for which the oldest goes where there are too many.
+fn keep<T>(all: &mut VecDeque<T>, one: T) {
+    all.push_back(one);
+    if all.len() > MOST {
+        all.pop_front();
     }
 }
 

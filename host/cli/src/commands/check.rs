@@ -149,6 +149,19 @@ struct FoundRow {
     run: Option<String>,
 }
 
+impl FoundRow {
+    /// A finding of which nothing was written.
+    fn without_files(finding: &Finding) -> Self {
+        Self {
+            finding: finding.clone(),
+            file: None,
+            replay: None,
+            reproduce: None,
+            run: None,
+        }
+    }
+}
+
 #[derive(Serialize)]
 struct Row {
     #[serde(flatten)]
@@ -541,13 +554,7 @@ impl Run<'_> {
         told?;
         // Those that came before any instance was asked were not told.
         for finding in report.findings.iter().skip(rows.len()) {
-            let row = FoundRow {
-                finding: finding.clone(),
-                file: None,
-                replay: None,
-                reproduce: None,
-                run: None,
-            };
+            let row = FoundRow::without_files(finding);
             self.tell_found(&row)?;
             rows.push(row);
         }
@@ -566,13 +573,7 @@ impl Run<'_> {
             if finding.kind != fuzzed.kind && self.is_text() {
                 output::note(&format!("the file is of a failure `{}`", fuzzed.kind));
             }
-            let row = FoundRow {
-                finding: finding.clone(),
-                file: None,
-                replay: None,
-                reproduce: None,
-                run: None,
-            };
+            let row = FoundRow::without_files(finding);
             self.tell_found(&row)?;
             rows.push(row);
         }
